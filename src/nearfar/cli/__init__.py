@@ -1,0 +1,43 @@
+"""The command line. One module a command."""
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from nearfar import __version__
+from nearfar.errors import NearfarError
+
+FAILED = 3
+"""Exit status of a valid answer that says "not found"."""
+
+BAD_INPUT = 2
+"""Exit status of bad input or usage, with one line on the error output."""
+
+app = App(
+    name="nearfar",
+    help="Find where a close-up lies in an overview photograph, across large changes of scale.",
+    version=__version__,
+)
+for _name in ("localize", "list"):
+    app.command(f"nearfar.cli.{_name}_command:{_name}_command", name=_name)
+app.register_install_completion_command()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status: 0, 2 bad input, 3 not found."""
+    tokens = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        status = app(tokens, result_action="return_value", exit_on_error=False, print_error=False)
+    except (CycloptsError, NearfarError) as error:
+        return _complain(str(error))
+    except OSError as error:
+        return _complain(f"{error.filename or 'output'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        return 130
+    return status if isinstance(status, int) else 0
+
+
+def _complain(message: str) -> int:
+    print(f"nearfar: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    return BAD_INPUT

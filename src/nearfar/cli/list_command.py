@@ -1,0 +1,14 @@
+"""`nearfar list`."""
+
+from rich.console import Console
+
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+
+
+def list_command() -> None:
+    """Name all methods, proposers, descriptors and estimators."""
+    console = Console(highlight=False)
+    for registry in (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS):
+        console.print(f"[bold]{registry.kind}s[/bold]")
+        for name in registry.names():
+            console.print(f"  {name}", markup=False)

@@ -1,0 +1,24 @@
+"""Typed exceptions; each message is one sentence that says what to do next.
+
+A pair that cannot be localized is not an error: it is a `Localization` whose status is "failed".
+"""
+
+
+class NearfarError(Exception):
+    """Base of every error that nearfar raises on purpose; the command line exits with status 2."""
+
+
+class ImageError(NearfarError):
+    """An image is missing, unreadable, truncated, of an unknown format or over a size limit."""
+
+
+class IntrinsicsError(NearfarError):
+    """Camera intrinsics are missing, malformed or not finite."""
+
+
+class SettingsError(NearfarError):
+    """A setting has an unknown name or a value out of range."""
+
+
+class WeightsError(NearfarError):
+    """Network weights are missing, unreadable or do not fit the network."""

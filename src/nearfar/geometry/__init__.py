@@ -1,0 +1,1 @@
+"""Homography, epipolar geometry, relative pose and their errors."""

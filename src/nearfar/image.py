@@ -1,0 +1,217 @@
+"""Reading an image, and the coordinates of its working and its original size."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+from PIL import ImageOps, UnidentifiedImageError
+
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.errors import ImageError
+
+FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP")
+TRANSPARENT_GREY = 128
+"""What shows through transparent pixels."""
+
+ImageSource = str | os.PathLike[str] | NDArray[Any]
+"""A path, or an array (height, width), (height, width, 3) RGB or (height, width, 4) RGBA."""
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """An image at its working size.
+
+    Attributes:
+        pixels: (height, width, 3) of the working image.
+        width: width of the original as displayed (after its EXIF rotation), in pixels.
+        height: height of the original as displayed.
+        path: where it was read from; None for an array.
+    """
+
+    pixels: RGBPixels
+    width: int
+    height: int
+    path: Path | None
+
+    @property
+    def original_from_working(self) -> Matrix3:
+        """Maps pixels of the working image to pixels of the original (centres at integers)."""
+        height, width = self.pixels.shape[:2]
+        x, y = self.width / width, self.height / height
+        return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 of the working pixels and the original size."""
+        digest = hashlib.sha256(repr((self.pixels.shape, self.width, self.height)).encode())
+        digest.update(np.ascontiguousarray(self.pixels))
+        return digest.hexdigest()
+
+
+def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:
+    """(width, height) after reduction so that neither exceeds `max_size`; 0 reduces nothing."""
+    longest = max(width, height)
+    if max_size == 0 or longest <= max_size:
+        return width, height
+    factor = max_size / longest
+    return max(1, round(width * factor)), max(1, round(height * factor))
+
+
+def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_000_000) -> Image:
+    """Read an image and reduce it to its working size.
+
+    EXIF rotation is applied, transparency shows mid-grey, grey becomes RGB. Values of 16 bits are
+    scaled to 8 by the smallest bit depth that holds the largest of them, so that the 12 bits of a
+    sensor use the whole range.
+
+    Args:
+        source: a file (JPEG, PNG, TIFF, WebP or BMP; of several pages the first) or an array of
+            uint8 or uint16.
+        max_size: longest side of the working image in pixels; 0 keeps the original size.
+        max_pixels: refuse images with more pixels.
+
+    Raises:
+        ImageError: it cannot be read, or is larger than `max_pixels`.
+    """
+    if isinstance(source, np.ndarray):
+        path = None
+        pixels = _to_rgb8(_checked(source, max_pixels), max_size)
+        height, width = source.shape[:2]
+    else:
+        path = Path(source)
+        decoded = _decode(path, max_pixels)
+        height, width = decoded.shape[:2]
+        pixels = _to_rgb8(decoded, max_size)
+    return Image(pixels, width, height, path)
+
+
+def _checked(array: NDArray[Any], max_pixels: int) -> NDArray[Any]:
+    grey = array.ndim == 2
+    if not grey and not (array.ndim == 3 and array.shape[2] in (3, 4)):
+        raise ImageError(
+            f"an image array must have the shape (height, width), (height, width, 3) or "
+            f"(height, width, 4), not {array.shape}"
+        )
+    if array.size == 0:
+        raise ImageError(f"the image array of shape {array.shape} has no pixels")
+    if array.dtype not in (np.uint8, np.uint16):
+        raise ImageError(
+            f"an image array must be of uint8 or uint16, not {array.dtype}; convert it first"
+        )
+    _check_limit("the image array", array.shape[1], array.shape[0], max_pixels)
+    return array
+
+
+def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
+    if width * height > max_pixels:
+        raise ImageError(
+            f"{name} has {width}x{height} pixels, more than the limit of {max_pixels}; "
+            f"if you trust it, raise max_pixels (--max-pixels)"
+        )
+
+
+def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
+    """The pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
+    try:
+        with _no_pillow_limit(), PillowImage.open(path, formats=FORMATS) as opened:
+            _check_limit(str(path), opened.width, opened.height, max_pixels)
+            if _is_deep_colour(opened):
+                opened.load()
+                return _decode_deep_colour(path, opened)
+            image = ImageOps.exif_transpose(opened)
+            if image.mode.startswith("I;16"):
+                return np.asarray(image).astype(np.uint16)
+            if image.mode in ("I", "F"):
+                raise ImageError(
+                    f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel"
+                )
+            return np.asarray(image.convert(_eight_bit_mode(image)))
+    except FileNotFoundError:
+        raise ImageError(f"{path} does not exist") from None
+    except IsADirectoryError:
+        raise ImageError(f"{path} is a folder, not an image") from None
+    except UnidentifiedImageError:
+        raise ImageError(
+            f"{path} is not an image that can be read ({', '.join(FORMATS)})"
+        ) from None
+    except (OSError, SyntaxError, ValueError, EOFError) as error:
+        raise ImageError(f"{path} cannot be read: {error}") from error
+
+
+def _eight_bit_mode(image: PillowImage.Image) -> str:
+    if image.has_transparency_data:
+        return "RGBA"
+    return "L" if image.mode in ("1", "L") else "RGB"
+
+
+def _is_deep_colour(image: PillowImage.Image) -> bool:
+    """Whether a file has 16 bits a channel and several channels, which Pillow cuts to 8."""
+    return image.mode in ("RGB", "RGBA") and any(";16" in str(tile) for tile in image.tile)
+
+
+def _decode_deep_colour(path: Path, opened: PillowImage.Image) -> NDArray[Any]:
+    flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+    array = cv2.imdecode(np.fromfile(path, np.uint8), flags)
+    if array is None:
+        raise ImageError(f"{path} cannot be read: its 16-bit colour is of an unknown kind")
+    order = [2, 1, 0, 3][: array.shape[2]]
+    turns = opened.getexif().get(0x0112, 1)
+    return _oriented(array[..., order], turns)
+
+
+def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Apply an EXIF orientation (1..8) to (height, width, channels)."""
+    if orientation in (5, 6, 7, 8):
+        array = array.swapaxes(0, 1)
+    if orientation in (2, 3, 6, 7):
+        array = array[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        array = array[::-1]
+    return array
+
+
+@contextmanager
+def _no_pillow_limit() -> Iterator[None]:
+    """Lift Pillow's own pixel limit, which is global and below ours."""
+    limit = PillowImage.MAX_IMAGE_PIXELS
+    PillowImage.MAX_IMAGE_PIXELS = None
+    try:
+        yield
+    finally:
+        PillowImage.MAX_IMAGE_PIXELS = limit
+
+
+def _to_rgb8(array: NDArray[Any], max_size: int) -> RGBPixels:
+    """Reduce first, to keep the memory of large images low, then convert."""
+    height, width = array.shape[:2]
+    largest = int(array.max())
+    size = reduced_size(width, height, max_size)
+    if array.ndim == 3 and array.shape[2] == 4:
+        array = _flattened(array)
+    if size != (width, height):
+        array = cv2.resize(np.ascontiguousarray(array), size, interpolation=cv2.INTER_AREA)
+    if array.dtype == np.uint16:
+        bits = max(8, largest.bit_length())
+        array = np.rint(array * (255.0 / (2**bits - 1))).astype(np.uint8)
+    if array.ndim == 2:
+        array = np.repeat(array[..., np.newaxis], 3, axis=2)
+    return np.ascontiguousarray(array)
+
+
+def _flattened(array: NDArray[Any]) -> NDArray[Any]:
+    """RGB of RGBA over mid-grey, in strips of rows to save memory."""
+    full = np.iinfo(array.dtype).max
+    grey = TRANSPARENT_GREY * (full / 255)
+    flat = np.empty((*array.shape[:2], 3), array.dtype)
+    for rows, out in zip(np.array_split(array, 64), np.array_split(flat, 64), strict=True):
+        alpha = rows[..., 3:] / full
+        out[:] = np.rint(rows[..., :3] * alpha + grey * (1 - alpha))
+    return flat

@@ -1,0 +1,118 @@
+"""Camera intrinsics of a pair of images."""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearfar.arrays import Matrix3
+from nearfar.errors import IntrinsicsError
+
+
+@dataclass(frozen=True)
+class CameraIntrinsics:
+    """A pinhole camera without distortion, in pixels of the original image.
+
+    Attributes:
+        fx: focal length along x.
+        fy: focal length along y.
+        cx: x of the principal point.
+        cy: y of the principal point.
+
+    Raises:
+        IntrinsicsError: a value is not finite, or a focal length is not positive.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        values = (self.fx, self.fy, self.cx, self.cy)
+        if not all(math.isfinite(value) for value in values):
+            raise IntrinsicsError(f"intrinsics must be finite numbers, not {list(values)}")
+        if self.fx <= 0 or self.fy <= 0:
+            raise IntrinsicsError(f"focal lengths must be positive, not {self.fx} and {self.fy}")
+
+    @property
+    def matrix(self) -> Matrix3:
+        """The calibration matrix K."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """The intrinsics of the cameras that took the far and the near image."""
+
+    far: CameraIntrinsics
+    near: CameraIntrinsics
+
+
+IntrinsicsSource = Intrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
+"""`Intrinsics`, a file, or {"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}."""
+
+
+def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
+    """Intrinsics from a mapping, or from a file: JSON of such a mapping, or KITTI's calib.txt.
+
+    All cameras of a KITTI calib.txt are rectified to the same intrinsics; P0 is read, or the first
+    that is there.
+
+    Raises:
+        IntrinsicsError: the file cannot be read, or its values are not valid intrinsics.
+    """
+    if isinstance(source, Intrinsics):
+        return source
+    if isinstance(source, Mapping):
+        return _from_mapping(source, "the intrinsics")
+    path = Path(source)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise IntrinsicsError(f"intrinsics file {path} cannot be read: {error}") from error
+    if text.startswith("P") and ":" in text:
+        camera = _from_kitti(text, path)
+        return Intrinsics(camera, camera)
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise IntrinsicsError(
+            f"intrinsics file {path} is neither JSON nor KITTI's calib.txt: {error}"
+        ) from error
+    return _from_mapping(content, f"intrinsics file {path}")
+
+
+def _from_mapping(content: Any, name: str) -> Intrinsics:
+    if not isinstance(content, Mapping) or set(content) != {"far", "near"}:
+        raise IntrinsicsError(
+            f'{name} must hold {{"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}}'
+        )
+    return Intrinsics(_camera(content["far"], name), _camera(content["near"], name))
+
+
+def _camera(values: Any, name: str) -> CameraIntrinsics:
+    try:
+        fx, fy, cx, cy = (float(value) for value in values)
+    except (TypeError, ValueError):
+        raise IntrinsicsError(f"{name}: [fx, fy, cx, cy] expected, not {values!r}") from None
+    return CameraIntrinsics(fx, fy, cx, cy)
+
+
+def _from_kitti(text: str, path: Path) -> CameraIntrinsics:
+    line = text.splitlines()[0]
+    try:
+        projection = np.array(line.split(":")[1].split(), np.float64).reshape(3, 4)
+    except (ValueError, IndexError):
+        raise IntrinsicsError(f"{path}: 12 numbers expected in the line {line!r}") from None
+    return CameraIntrinsics(
+        float(projection[0, 0]),
+        float(projection[1, 1]),
+        float(projection[0, 2]),
+        float(projection[1, 2]),
+    )

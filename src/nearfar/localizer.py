@@ -1,0 +1,215 @@
+"""Localizing pairs of images with one set of settings."""
+
+from typing import Any
+
+import numpy as np
+from cachetools import LRUCache
+
+from nearfar.arrays import Boxes, Matrix3
+from nearfar.errors import IntrinsicsError, SettingsError
+from nearfar.estimators import MODEL_KINDS, ModelKind, Task, failure
+from nearfar.geometry.homography import footprint, normalized, transform
+from nearfar.geometry.pose import RelativePose
+from nearfar.geometry.scale import scale_change
+from nearfar.image import Image, ImageSource, read_image
+from nearfar.intrinsics import Intrinsics, IntrinsicsSource, read_intrinsics
+from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.localization import Localization, PointMatches
+from nearfar.methods import Answer
+from nearfar.registry import METHODS
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+
+
+class Localizer:
+    """Localizes many pairs of images; features of an image are computed once.
+
+    Args:
+        settings: the settings; the defaults where None.
+        cache_bytes: memory for the features of the images used last.
+        **options: settings to change, by name.
+
+    Raises:
+        SettingsError: an option is unknown or out of range.
+        WeightsError: the descriptor needs weights that are missing or do not fit.
+    """
+
+    def __init__(
+        self, settings: Settings | None = None, *, cache_bytes: int = 10**9, **options: Any
+    ) -> None:
+        self.settings = (settings or Settings()).replace(**options)
+        self._method = METHODS.create(self.settings.method, self.settings)
+        self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)
+
+    def localize(
+        self,
+        far: ImageSource,
+        near: ImageSource,
+        *,
+        model: ModelKind | None = None,
+        intrinsics: IntrinsicsSource | None = None,
+    ) -> Localization:
+        """Find where the near image lies in the far image.
+
+        Args:
+            far: path or array (RGB) of the image that shows more of the scene, smaller.
+            near: path or array of the image that shows the scene larger.
+            model: kind of model; where None, pose with intrinsics and homography without.
+            intrinsics: intrinsics of both cameras in pixels of the original images.
+
+        Returns:
+            The localization; its status is "failed" where none was found.
+
+        Raises:
+            ImageError: an image cannot be read.
+            IntrinsicsError: the intrinsics are not valid, or a pose is asked for without any.
+            SettingsError: the model is unknown.
+        """
+        known = None if intrinsics is None else read_intrinsics(intrinsics)
+        kind = _model_kind(model, known)
+        timer = StageTimer()
+        with timer.stage("reading"):
+            far_image, near_image = self._read(far), self._read(near)
+        answer = self._method.localize(
+            self._extract(far_image, timer),
+            self._extract(near_image, timer),
+            _task(kind, known, far_image, near_image),
+            timer,
+        )
+        return self._localization(kind, answer, far_image, near_image, timer)
+
+    def _read(self, source: ImageSource) -> Image:
+        return read_image(
+            source, max_size=self.settings.max_size, max_pixels=self.settings.max_pixels
+        )
+
+    def _extract(self, image: Image, timer: StageTimer) -> Any:
+        key = image.content_hash
+        if key in self._features:
+            return self._features[key]
+        features = self._method.extract(image.pixels, timer)
+        if features.nbytes <= self._features.maxsize:
+            self._features[key] = features
+        return features
+
+    def _localization(
+        self, kind: ModelKind, answer: Answer, far: Image, near: Image, timer: StageTimer
+    ) -> Localization:
+        """The answer in pixels of the original images."""
+        estimate = answer.estimate
+        agreeing = int(estimate.inliers.sum())
+        if estimate.far_from_near is not None and agreeing < self.settings.min_inliers:
+            estimate = failure(
+                len(answer.far),
+                f"only {agreeing} matches agree, fewer than {self.settings.min_inliers} "
+                f"(min_inliers)",
+            )
+        model = _in_original_pixels(estimate.far_from_near, kind, far, near)
+        points = PointMatches(
+            transform(far.original_from_working, answer.far),
+            transform(near.original_from_working, answer.near),
+            estimate.inliers,
+        )
+        landmarks = NO_LANDMARKS
+        if answer.landmarks is not None:
+            landmarks = _in_original_boxes(answer.landmarks, far, near)
+        outline = None
+        if kind == "homography" and model is not None:
+            outline = footprint(np.asarray(model), near.width, near.height)
+        return Localization(
+            status="failed" if model is None else "localized",
+            reason=estimate.reason,
+            model=kind,
+            far_from_near=model,
+            scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
+            confidence=None,
+            footprint=outline,
+            points=points,
+            landmarks=landmarks,
+            seconds=timer.seconds,
+            method=self.settings.method,
+            descriptor=None if answer.landmarks is None else self.settings.descriptor,
+            far=far,
+            near=near,
+        )
+
+
+def localize(
+    far: ImageSource,
+    near: ImageSource,
+    *,
+    model: ModelKind | None = None,
+    intrinsics: IntrinsicsSource | None = None,
+    method: str | None = None,
+    **options: Any,
+) -> Localization:
+    """Find where the near image lies in the far image.
+
+    For many pairs make one `Localizer`, which computes the features of each image once.
+
+    Args:
+        far: path or array (RGB) of the image that shows more of the scene, smaller.
+        near: path or array of the image that shows the scene larger.
+        model: "homography", "fundamental" or "pose"; where None, pose with intrinsics and
+            homography without.
+        intrinsics: file, mapping {"far": [fx, fy, cx, cy], "near": [...]} or `Intrinsics`, in
+            pixels of the original images.
+        method: name of the method; where None, the default of `Settings`.
+        **options: further `Settings` by name.
+
+    Returns:
+        The localization; its status is "failed" where none was found.
+
+    Raises:
+        NearfarError: an image, the intrinsics, the settings or the weights are not valid.
+    """
+    if method is not None:
+        options["method"] = method
+    return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
+
+
+def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> ModelKind:
+    if model is None:
+        return "homography" if intrinsics is None else "pose"
+    if model not in MODEL_KINDS:
+        raise SettingsError(f"model must be one of {', '.join(MODEL_KINDS)}, not {model!r}")
+    if model == "pose" and intrinsics is None:
+        raise IntrinsicsError("a pose needs intrinsics of both cameras (--intrinsics FILE)")
+    return model
+
+
+def _task(kind: ModelKind, intrinsics: Intrinsics | None, far: Image, near: Image) -> Task:
+    if kind != "pose" or intrinsics is None:
+        return Task(kind)
+    return Task(
+        kind,
+        np.linalg.solve(far.original_from_working, intrinsics.far.matrix),
+        np.linalg.solve(near.original_from_working, intrinsics.near.matrix),
+    )
+
+
+def _in_original_pixels(
+    model: Matrix3 | RelativePose | None, kind: ModelKind, far: Image, near: Image
+) -> Matrix3 | RelativePose | None:
+    """A model between working images as one between the original images; a pose stays itself."""
+    if model is None or isinstance(model, RelativePose):
+        return model
+    near_working_from_original = np.linalg.inv(near.original_from_working)
+    if kind == "homography":
+        return normalized(far.original_from_working @ model @ near_working_from_original)
+    fundamental = np.linalg.inv(far.original_from_working).T @ model @ near_working_from_original
+    return np.asarray(fundamental / np.linalg.norm(fundamental))
+
+
+def _in_original_boxes(matches: LandmarkMatches, far: Image, near: Image) -> LandmarkMatches:
+    return LandmarkMatches(
+        _boxes_in_original_pixels(matches.far_boxes, far),
+        _boxes_in_original_pixels(matches.near_boxes, near),
+        matches.similarity,
+    )
+
+
+def _boxes_in_original_pixels(boxes: Boxes, image: Image) -> Boxes:
+    height, width = image.pixels.shape[:2]
+    factor = np.array([image.width / width, image.height / height] * 2)
+    return np.rint(boxes * factor).astype(np.int32)

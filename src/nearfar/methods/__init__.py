@@ -1,0 +1,41 @@
+"""Methods: two images -> model. One module a method."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from nearfar.arrays import Coordinates, RGBPixels
+from nearfar.estimators import Estimate, Task
+from nearfar.landmarks import LandmarkMatches
+from nearfar.timing import StageTimer
+
+Features = TypeVar("Features")
+"""What a method computes once per image; has `nbytes`, the memory that it takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method found, in pixels of the working images.
+
+    Attributes:
+        far: (N, 2) points of the far image that were matched.
+        near: (N, 2) the points of the near image that they were matched with.
+        landmarks: matched landmarks; None for a method without.
+        estimate: model and inliers among the N matches.
+    """
+
+    far: Coordinates
+    near: Coordinates
+    landmarks: LandmarkMatches | None
+    estimate: Estimate
+
+
+class Method(Protocol[Features]):
+    """Localizes one image in another."""
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> Features:
+        """What the method needs of one image, whatever the other image is."""
+        ...
+
+    def localize(self, far: Features, near: Features, task: Task, timer: StageTimer) -> Answer:
+        """Find the near image in the far image."""
+        ...

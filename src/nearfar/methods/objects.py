@@ -1,0 +1,35 @@
+"""The paper's baseline without points: the centres of matched landmarks are the matches."""
+
+from nearfar.arrays import RGBPixels
+from nearfar.estimators import Task
+from nearfar.landmarks import Landmarks, centres, match_landmarks
+from nearfar.methods import Answer
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+
+
+@METHODS.register("objects")
+class Objects:
+    """Objects only: landmarks matched as in `paper`, then RANSAC on the centres of their boxes."""
+
+    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)
+        self._estimator = ESTIMATORS.create(settings.estimator, settings)
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> Landmarks:
+        """See `Method.extract`."""
+        with timer.stage("proposals"):
+            boxes = self._proposer.propose(pixels)
+        with timer.stage("descriptors"):
+            return Landmarks(boxes, self._descriptor.describe(pixels, boxes))
+
+    def localize(self, far: Landmarks, near: Landmarks, task: Task, timer: StageTimer) -> Answer:
+        """See `Method.localize`."""
+        with timer.stage("landmark matching"):
+            matches = match_landmarks(far, near)
+        far_xy, near_xy = centres(matches.far_boxes), centres(matches.near_boxes)
+        with timer.stage("estimation"):
+            estimate = self._estimator.estimate(far_xy, near_xy, task)
+        return Answer(far_xy, near_xy, matches, estimate)

@@ -1,0 +1,70 @@
+"""The method of Holliday and Dudek, "Scale-Robust Localization Using General Object Landmarks"."""
+
+from dataclasses import dataclass
+
+from nearfar.arrays import Coordinates, RGBPixels
+from nearfar.estimators import Task
+from nearfar.landmarks import LandmarkMatches, Landmarks, centres, match_landmarks
+from nearfar.methods import Answer
+from nearfar.points import Points, detect_sift, match_points_in_boxes
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+
+LEAST_POINT_MATCHES = 5
+"""With fewer, the authors' code takes the centres of the matched boxes instead."""
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFeatures:
+    """Landmarks and points of one image."""
+
+    landmarks: Landmarks
+    points: Points
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the arrays take, in bytes."""
+        return self.landmarks.nbytes + self.points.nbytes
+
+
+@METHODS.register("paper")
+class Paper:
+    """Landmarks are matched first; SIFT points are matched only inside matched landmarks."""
+
+    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)
+        self._estimator = ESTIMATORS.create(settings.estimator, settings)
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
+        """Object proposals, a network's description of each, and SIFT points."""
+        with timer.stage("proposals"):
+            boxes = self._proposer.propose(pixels)
+        with timer.stage("descriptors"):
+            vectors = self._descriptor.describe(pixels, boxes)
+        with timer.stage("points"):
+            points = detect_sift(pixels)
+        return PaperFeatures(Landmarks(boxes, vectors), points)
+
+    def localize(
+        self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
+    ) -> Answer:
+        """Match landmarks, match the points inside them, and estimate the model by RANSAC."""
+        with timer.stage("landmark matching"):
+            landmarks = match_landmarks(far.landmarks, near.landmarks)
+        with timer.stage("point matching"):
+            far_xy, near_xy = _matches_in(landmarks, far.points, near.points)
+        with timer.stage("estimation"):
+            estimate = self._estimator.estimate(far_xy, near_xy, task)
+        return Answer(far_xy, near_xy, landmarks, estimate)
+
+
+def _matches_in(
+    landmarks: LandmarkMatches, far: Points, near: Points
+) -> tuple[Coordinates, Coordinates]:
+    """(N, 2) matched far and near points inside matched landmarks, or the landmarks' centres."""
+    pairs = match_points_in_boxes(far, near, landmarks.far_boxes, landmarks.near_boxes)
+    if len(pairs) < LEAST_POINT_MATCHES:
+        return centres(landmarks.far_boxes), centres(landmarks.near_boxes)
+    return far.xy[pairs[:, 0]], near.xy[pairs[:, 1]]

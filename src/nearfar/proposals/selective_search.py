@@ -1,0 +1,62 @@
+"""Selective Search (Uijlings et al., IJCV 2013), as OpenCV implements it."""
+
+import cv2
+import numpy as np
+
+from nearfar.arrays import Boxes, RGBPixels
+from nearfar.image import reduced_size
+from nearfar.proposals import canonical, keep_object_like
+from nearfar.registry import PROPOSERS
+from nearfar.settings import Settings
+
+PAPER_K, OPENCV_K = 500, 150
+"""Default k of the single strategy and of the other two."""
+
+
+@PROPOSERS.register("selective-search")
+class SelectiveSearch:
+    """The paper's proposals: one strategy with k = 500 and sigma = 0.9, then its two filters."""
+
+    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self._settings = settings
+
+    def propose(self, pixels: RGBPixels) -> Boxes:
+        """See `Proposer.propose`.
+
+        OpenCV orders its boxes by C `rand()`: the set is the same on every call, the order is not,
+        hence the canonical order.
+        """
+        settings = self._settings
+        height, width = pixels.shape[:2]
+        size = reduced_size(width, height, settings.proposal_max_size)
+        if min(size) < 2:
+            return np.empty((0, 4), np.int32)
+        searched = pixels
+        if size != (width, height):
+            searched = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        boxes = _scaled(self._search(searched), size, (width, height))
+        return canonical(
+            keep_object_like(boxes, settings.proposal_min_area, settings.proposal_max_aspect)
+        )
+
+    def _search(self, pixels: RGBPixels) -> Boxes:
+        settings = self._settings
+        single = settings.proposal_mode == "single"
+        k = settings.proposal_k or (PAPER_K if single else OPENCV_K)
+        search = cv2.ximgproc.segmentation.createSelectiveSearchSegmentation()
+        search.setBaseImage(np.ascontiguousarray(pixels[..., ::-1]))
+        if single:
+            search.switchToSingleStrategy(k, settings.proposal_sigma)
+        elif settings.proposal_mode == "fast":
+            search.switchToSelectiveSearchFast(k, k, settings.proposal_sigma)
+        else:
+            search.switchToSelectiveSearchQuality(k, k, settings.proposal_sigma)
+        return np.asarray(search.process(), np.int32).reshape(-1, 4)
+
+
+def _scaled(boxes: Boxes, size: tuple[int, int], full_size: tuple[int, int]) -> Boxes:
+    """Boxes of an image of `size` (width, height) as boxes of the same image at `full_size`."""
+    factor = np.array(full_size, np.float64) / size
+    start = np.floor(boxes[:, :2] * factor + 0.5)
+    end = np.floor((boxes[:, :2] + boxes[:, 2:]) * factor + 0.5)
+    return np.hstack([start, end - start]).astype(np.int32)

@@ -1,0 +1,115 @@
+"""The one table of settings."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from nearfar.errors import SettingsError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Everything that can change a result, apart from the images, the model and the intrinsics.
+
+    The defaults of the method `paper` are those of Holliday and Dudek (2018). Lengths in pixels
+    are pixels of the working image (see `max_size`).
+
+    Raises:
+        SettingsError: a value is out of range.
+    """
+
+    method: str = "paper"
+    """How to localize; `nearfar list` names all methods."""
+
+    descriptor: str = "hog"
+    """What describes a landmark."""
+
+    proposer: str = "selective-search"
+    """What finds the boxes that may hold an object."""
+
+    estimator: str = "ransac"
+    """What fits the model to the matches."""
+
+    weights: Annotated[Mapping[str, Path], Parameter(parse=False)] = field(default_factory=dict)
+    """Network name -> file with its weights (.safetensors or .pth)."""
+
+    max_size: int = 1600
+    """Images are reduced so that neither side exceeds this; 0 keeps the original size."""
+
+    max_pixels: int = 200_000_000
+    """Refuse larger images, which may be decompression bombs."""
+
+    proposal_mode: Literal["single", "fast", "quality"] = "single"
+    """Selective Search strategy; "single" is the paper's."""
+
+    proposal_k: float | None = None
+    """Selective Search: scale parameter k of the first segmentation; None: the paper's 500 for
+    "single", OpenCV's 150 for the others."""
+
+    proposal_sigma: float = 0.9
+    """Selective Search: smoothing before the first segmentation, in pixels."""
+
+    proposal_max_size: int = 0
+    """Reduce the image to this longest side for proposals alone; 0: the working size."""
+
+    proposal_min_area: int = 200
+    """Drop boxes of a smaller area, in square pixels."""
+
+    proposal_max_aspect: float = 3.0
+    """Drop boxes whose longer side exceeds the shorter by more than this factor."""
+
+    batch_size: int = 32
+    """Landmarks that go through a network together."""
+
+    inlier_threshold: float = 6.0
+    """RANSAC: largest reprojection error or epipolar distance of an inlier, in pixels."""
+
+    min_inliers: int = 0
+    """Report a failure where fewer matches agree; 0 accepts every model, as the paper does."""
+
+    seed: int = 0
+    """Seed of every random choice."""
+
+    def __post_init__(self) -> None:
+        at_least = {
+            "max_size": 0,
+            "max_pixels": 1,
+            "proposal_max_size": 0,
+            "proposal_min_area": 0,
+            "proposal_max_aspect": 1,
+            "batch_size": 1,
+            "min_inliers": 0,
+            "seed": 0,
+        }
+        above = {"proposal_k": 0, "proposal_sigma": 0, "inlier_threshold": 0}
+        for name, bound in at_least.items():
+            value = getattr(self, name)
+            if not bound <= value < math.inf:
+                raise SettingsError(f"{name} must be at least {bound} and finite, not {value}")
+        for name, bound in above.items():
+            value = getattr(self, name)
+            if value is not None and not bound < value < math.inf:
+                raise SettingsError(f"{name} must be above {bound} and finite, not {value}")
+        if self.proposal_mode not in ("single", "fast", "quality"):
+            raise SettingsError(
+                f"proposal_mode must be single, fast or quality, not {self.proposal_mode!r}"
+            )
+
+    def replace(self, **options: Any) -> "Settings":
+        """A copy with some values changed.
+
+        Raises:
+            SettingsError: a name is unknown or a value is out of range.
+        """
+        known = {item.name for item in dataclasses.fields(self)}
+        unknown = sorted(set(options) - known)
+        if unknown:
+            raise SettingsError(
+                f"unknown setting {unknown[0]!r}; known settings: {', '.join(sorted(known))}"
+            )
+        return dataclasses.replace(self, **options)
