@@ -1,5 +1,7 @@
 """Names for the arrays that modules exchange."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,10 +11,10 @@ RGBPixels = NDArray[np.uint8]
 Boxes = NDArray[np.int32]
 """(N, 4), one row a box: x and y of its top left pixel, width, height, in pixels."""
 
-Coordinates = NDArray[np.float64]
+Coordinates = NDArray[np.floating[Any]]
 """(N, 2), x and y in pixels; (0, 0) is the centre of the top left pixel."""
 
-Matrix3 = NDArray[np.float64]
+Matrix3 = NDArray[np.floating[Any]]
 """(3, 3)."""
 
 Vectors = NDArray[np.float16] | NDArray[np.float32]

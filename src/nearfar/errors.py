@@ -22,3 +22,7 @@ class SettingsError(NearfarError):
 
 class WeightsError(NearfarError):
     """Network weights are missing, unreadable or do not fit the network."""
+
+
+class BenchmarkError(NearfarError):
+    """A benchmark's data are missing or malformed."""

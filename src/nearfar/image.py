@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL import ImageOps, UnidentifiedImageError
+from PIL.ImageFile import ImageFile
 
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
@@ -52,7 +54,7 @@ class Image:
     def content_hash(self) -> str:
         """SHA-256 of the working pixels and the original size."""
         digest = hashlib.sha256(repr((self.pixels.shape, self.width, self.height)).encode())
-        digest.update(np.ascontiguousarray(self.pixels))
+        digest.update(self.pixels.tobytes())
         return digest.hexdigest()
 
 
@@ -121,7 +123,7 @@ def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
 def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
     """The pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
     try:
-        with _no_pillow_limit(), PillowImage.open(path, formats=FORMATS) as opened:
+        with _quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
             _check_limit(str(path), opened.width, opened.height, max_pixels)
             if _is_deep_colour(opened):
                 opened.load()
@@ -152,9 +154,9 @@ def _eight_bit_mode(image: PillowImage.Image) -> str:
     return "L" if image.mode in ("1", "L") else "RGB"
 
 
-def _is_deep_colour(image: PillowImage.Image) -> bool:
+def _is_deep_colour(image: ImageFile) -> bool:
     """Whether a file has 16 bits a channel and several channels, which Pillow cuts to 8."""
-    return image.mode in ("RGB", "RGBA") and any(";16" in str(tile) for tile in image.tile)
+    return image.mode in ("RGB", "RGBA") and ";16" in str(image.tile)
 
 
 def _decode_deep_colour(path: Path, opened: PillowImage.Image) -> NDArray[Any]:
@@ -179,12 +181,14 @@ def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 @contextmanager
-def _no_pillow_limit() -> Iterator[None]:
-    """Lift Pillow's own pixel limit, which is global and below ours."""
+def _quiet_pillow() -> Iterator[None]:
+    """Lift Pillow's own pixel limit, which is global and below ours, and silence its warnings."""
     limit = PillowImage.MAX_IMAGE_PIXELS
     PillowImage.MAX_IMAGE_PIXELS = None
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
     finally:
         PillowImage.MAX_IMAGE_PIXELS = limit
 

@@ -1,5 +1,6 @@
 """Localizing pairs of images with one set of settings."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,12 +8,13 @@ from cachetools import LRUCache
 
 from nearfar.arrays import Boxes, Matrix3
 from nearfar.errors import IntrinsicsError, SettingsError
-from nearfar.estimators import MODEL_KINDS, ModelKind, Task, failure
+from nearfar.estimators import MODEL_KINDS, Estimate, ModelKind, Task, failure
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.pose import RelativePose
 from nearfar.geometry.scale import scale_change
+from nearfar.geometry.significance import log10_false_alarms
 from nearfar.image import Image, ImageSource, read_image
-from nearfar.intrinsics import Intrinsics, IntrinsicsSource, read_intrinsics
+from nearfar.intrinsics import CameraIntrinsics, Intrinsics, IntrinsicsSource, read_intrinsics
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import Answer
@@ -96,14 +98,7 @@ class Localizer:
         self, kind: ModelKind, answer: Answer, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
         """The answer in pixels of the original images."""
-        estimate = answer.estimate
-        agreeing = int(estimate.inliers.sum())
-        if estimate.far_from_near is not None and agreeing < self.settings.min_inliers:
-            estimate = failure(
-                len(answer.far),
-                f"only {agreeing} matches agree, fewer than {self.settings.min_inliers} "
-                f"(min_inliers)",
-            )
+        estimate = self._beyond_chance(answer, kind, far)
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),
@@ -128,9 +123,31 @@ class Localizer:
             landmarks=landmarks,
             seconds=timer.seconds,
             method=self.settings.method,
-            descriptor=None if answer.landmarks is None else self.settings.descriptor,
+            descriptor=self.settings.descriptor if self._method.uses_landmarks else None,
             far=far,
             near=near,
+        )
+
+    def _beyond_chance(self, answer: Answer, kind: ModelKind, far: Image) -> Estimate:
+        """The estimate, or a failure where matches that are all wrong may explain it as well."""
+        estimate = answer.estimate
+        if estimate.far_from_near is None:
+            return estimate
+        height, width = far.pixels.shape[:2]
+        exponent = log10_false_alarms(
+            kind,
+            answer.far[estimate.inliers],
+            answer.near[estimate.inliers],
+            len(answer.far),
+            threshold=self.settings.inlier_threshold,
+            far_size=(width, height),
+        )
+        if exponent <= math.log10(self.settings.max_false_alarms):
+            return estimate
+        return failure(
+            len(answer.far),
+            f"the best {kind} agrees with {estimate.inliers.sum()} of {len(answer.far)} point "
+            f"matches, which chance may explain (see max_false_alarms)",
         )
 
 
@@ -183,9 +200,13 @@ def _task(kind: ModelKind, intrinsics: Intrinsics | None, far: Image, near: Imag
         return Task(kind)
     return Task(
         kind,
-        np.linalg.solve(far.original_from_working, intrinsics.far.matrix),
-        np.linalg.solve(near.original_from_working, intrinsics.near.matrix),
+        _in_working_pixels(intrinsics.far, far),
+        _in_working_pixels(intrinsics.near, near),
     )
+
+
+def _in_working_pixels(camera: CameraIntrinsics, image: Image) -> Matrix3:
+    return np.asarray(np.linalg.inv(image.original_from_working) @ camera.matrix, np.float64)
 
 
 def _in_original_pixels(
@@ -212,4 +233,5 @@ def _in_original_boxes(matches: LandmarkMatches, far: Image, near: Image) -> Lan
 def _boxes_in_original_pixels(boxes: Boxes, image: Image) -> Boxes:
     height, width = image.pixels.shape[:2]
     factor = np.array([image.width / width, image.height / height] * 2)
-    return np.rint(boxes * factor).astype(np.int32)
+    scaled: Boxes = np.rint(boxes * factor).astype(np.int32)
+    return scaled

@@ -47,7 +47,7 @@ class Settings:
     proposal_mode: Literal["single", "fast", "quality"] = "single"
     """Selective Search strategy; "single" is the paper's."""
 
-    proposal_k: float | None = None
+    proposal_k: int | None = None
     """Selective Search: scale parameter k of the first segmentation; None: the paper's 500 for
     "single", OpenCV's 150 for the others."""
 
@@ -69,8 +69,9 @@ class Settings:
     inlier_threshold: float = 6.0
     """RANSAC: largest reprojection error or epipolar distance of an inlier, in pixels."""
 
-    min_inliers: int = 0
-    """Report a failure where fewer matches agree; 0 accepts every model, as the paper does."""
+    max_false_alarms: float = 1e-10
+    """Report a failure where so many models as good as the one found are expected by chance; inf
+    accepts every model, as the paper does."""
 
     seed: int = 0
     """Seed of every random choice."""
@@ -83,7 +84,6 @@ class Settings:
             "proposal_min_area": 0,
             "proposal_max_aspect": 1,
             "batch_size": 1,
-            "min_inliers": 0,
             "seed": 0,
         }
         above = {"proposal_k": 0, "proposal_sigma": 0, "inlier_threshold": 0}
@@ -95,6 +95,8 @@ class Settings:
             value = getattr(self, name)
             if value is not None and not bound < value < math.inf:
                 raise SettingsError(f"{name} must be above {bound} and finite, not {value}")
+        if not self.max_false_alarms > 0:
+            raise SettingsError(f"max_false_alarms must be above 0, not {self.max_false_alarms}")
         if self.proposal_mode not in ("single", "fast", "quality"):
             raise SettingsError(
                 f"proposal_mode must be single, fast or quality, not {self.proposal_mode!r}"

@@ -6,21 +6,24 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from nearfar import __version__
+from nearfar.cli.bench import bench_app
+from nearfar.cli.demo_command import demo_command
+from nearfar.cli.list_command import list_command
+from nearfar.cli.localize_command import localize_command
+from nearfar.cli.status import BAD_INPUT
+from nearfar.cli.weights_command import weights_app
 from nearfar.errors import NearfarError
-
-FAILED = 3
-"""Exit status of a valid answer that says "not found"."""
-
-BAD_INPUT = 2
-"""Exit status of bad input or usage, with one line on the error output."""
 
 app = App(
     name="nearfar",
     help="Find where a close-up lies in an overview photograph, across large changes of scale.",
     version=__version__,
 )
-for _name in ("localize", "list"):
-    app.command(f"nearfar.cli.{_name}_command:{_name}_command", name=_name)
+app.command(localize_command, name="localize")
+app.command(list_command, name="list")
+app.command(demo_command, name="demo")
+app.command(bench_app, name="bench")
+app.command(weights_app, name="weights")
 app.register_install_completion_command()
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from nearfar.cli import FAILED
 from nearfar.cli.options import Flag, SettingsOptions, WeightOptions, with_weights
+from nearfar.cli.status import FAILED
 from nearfar.estimators import ModelKind
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer

@@ -6,14 +6,18 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.estimators import Estimate, Task, failure
-from nearfar.geometry.homography import normalized, transform
+from nearfar.geometry.homography import normalized
 from nearfar.geometry.pose import RelativePose
 from nearfar.registry import ESTIMATORS
 from nearfar.settings import Settings
 
-CONFIDENCE = 0.999
-MAX_ITERATIONS = 5000
+CONFIDENCE = 0.995
+MAX_ITERATIONS = 2000
+"""OpenCV's defaults for a homography, used for every model."""
 LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
+
+FARTHEST = 1e6
+"""Points farther away than so many baselines do not count as in front of the cameras."""
 
 
 @ESTIMATORS.register("ransac")
@@ -62,21 +66,29 @@ class Ransac:
 def _fit_homography(
     far: Coordinates, near: Coordinates, threshold: float
 ) -> tuple[Matrix3, Mask] | None:
+    """A homography and its inliers.
+
+    None also where the inliers span less than the threshold, so that any transform to about one
+    point would explain them, or where they lie on one line.
+    """
     matrix, mask = cv2.findHomography(
         near, far, cv2.RANSAC, threshold, maxIters=MAX_ITERATIONS, confidence=CONFIDENCE
     )
     if not _valid(matrix) or np.linalg.cond(matrix) > 1 / np.finfo(np.float64).eps:
         return None
     inliers = np.asarray(mask, np.bool_).ravel()
-    if inliers.sum() < LEAST_MATCHES["homography"] or _collapsed(matrix, near[inliers]):
+    if inliers.sum() < LEAST_MATCHES["homography"]:
+        return None
+    far, near = far[inliers], near[inliers]
+    if np.ptp(far, axis=0).max() < 2 * threshold or _collinear(far) or _collinear(near):
         return None
     return normalized(matrix), inliers
 
 
-def _collapsed(homography: Matrix3, near: Coordinates) -> bool:
-    """Whether all points land within one far pixel: a transform to a point explains any match."""
-    mapped = transform(homography, near)
-    return not np.isfinite(mapped).all() or bool((np.ptp(mapped, axis=0) < 1).all())
+def _collinear(xy: Coordinates) -> bool:
+    """Whether all points lie within a tenth of a pixel (root mean square) of one line."""
+    across = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[-1]
+    return bool(across < 0.1 * np.sqrt(len(xy)))
 
 
 def _fit_fundamental(
@@ -114,8 +126,8 @@ def _fit_pose(
     inliers = np.asarray(mask, np.bool_).ravel()
     if inliers.sum() < LEAST_MATCHES["pose"]:
         return None
-    in_front, rotation, translation, _ = cv2.recoverPose(
-        essential, near_rays[inliers], far_rays[inliers], np.eye(3)
+    in_front, rotation, translation, _, _ = cv2.recoverPose(
+        essential, near_rays[inliers], far_rays[inliers], np.eye(3), distanceThresh=FARTHEST
     )
     if in_front == 0 or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         return None

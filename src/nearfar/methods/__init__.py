@@ -32,6 +32,11 @@ class Answer:
 class Method(Protocol[Features]):
     """Localizes one image in another."""
 
+    @property
+    def uses_landmarks(self) -> bool:
+        """Whether the proposer and the descriptor of the settings matter."""
+        ...
+
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> Features:
         """What the method needs of one image, whatever the other image is."""
         ...

@@ -13,6 +13,8 @@ from nearfar.timing import StageTimer
 class Objects:
     """Objects only: landmarks matched as in `paper`, then RANSAC on the centres of their boxes."""
 
+    uses_landmarks = True
+
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._proposer = PROPOSERS.create(settings.proposer, settings)
         self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)

@@ -32,6 +32,8 @@ class PaperFeatures:
 class Paper:
     """Landmarks are matched first; SIFT points are matched only inside matched landmarks."""
 
+    uses_landmarks = True
+
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._proposer = PROPOSERS.create(settings.proposer, settings)
         self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)

@@ -13,6 +13,8 @@ from nearfar.timing import StageTimer
 class Sift:
     """SIFT only: mutual nearest neighbours among all points, then RANSAC."""
 
+    uses_landmarks = False
+
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 

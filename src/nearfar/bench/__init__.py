@@ -1,0 +1,1 @@
+"""Benchmarks on real images with ground truth."""

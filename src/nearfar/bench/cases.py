@@ -1,0 +1,38 @@
+"""One case of a benchmark: a pair of images with its ground truth."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from nearfar.arrays import Coordinates
+from nearfar.estimators import ModelKind
+from nearfar.geometry.pose import RelativePose
+from nearfar.intrinsics import Intrinsics
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A pair of images with its ground truth, in pixels of the original images.
+
+    Attributes:
+        name: unique in its benchmark, e.g. "homogr/boat".
+        group: what results are summed up by, e.g. "homogr".
+        far: path of the far image.
+        near: path of the near image.
+        model: kind of model to estimate.
+        scale_change: the true scale change; None where unknown.
+        far_points: (N, 2) true points of the far image; empty for a pose.
+        near_points: (N, 2) the corresponding points of the near image.
+        pose: the true pose in metres; None unless the model is a pose.
+        intrinsics: of both cameras; None unless the model is a pose.
+    """
+
+    name: str
+    group: str
+    far: Path
+    near: Path
+    model: ModelKind
+    scale_change: float | None
+    far_points: Coordinates
+    near_points: Coordinates
+    pose: RelativePose | None = None
+    intrinsics: Intrinsics | None = None

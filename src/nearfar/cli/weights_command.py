@@ -1,0 +1,62 @@
+"""`nearfar weights`."""
+
+from cyclopts import App
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
+
+from nearfar.errors import WeightsError
+from nearfar.settings import Settings
+from nearfar.weights import NETWORKS, fetch, weights_file
+
+weights_app = App(name="weights", help="Fetch the weights of networks, or show where they are.")
+
+
+@weights_app.command(name="fetch")
+def fetch_command(network: str, /) -> None:
+    """Download the weights of NETWORK into the cache folder and print the file's name.
+
+    The folder is $NEARFAR_CACHE or the system's folder for caches.
+
+    Args:
+        network: The network; resnet50 can be fetched.
+    """
+    columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    terminal = Console(stderr=True)
+    with Progress(
+        *columns, console=terminal, transient=True, disable=not terminal.is_terminal
+    ) as progress:
+        file = fetch(network, _Bar(progress))
+    _console().print(str(file), markup=False)
+
+
+@weights_app.command(name="show")
+def show_command() -> None:
+    """Name the networks and, for each, the weights file in the cache folder or how to get one."""
+    for network in NETWORKS:
+        try:
+            text = f"{network}: {weights_file(network, Settings())}"
+        except WeightsError as error:
+            text = str(error)
+        _console().print(text, markup=False)
+
+
+class _Bar:
+    """A `nearfar.weights.ProgressBar` on the terminal."""
+
+    def __init__(self, progress: Progress) -> None:
+        self.total = 0
+        self._progress = progress
+        self._task = progress.add_task("", total=None)
+
+    def update(self, count: int) -> None:
+        self._progress.update(self._task, total=self.total, advance=count)
+
+    def reset(self) -> None:
+        self._progress.reset(self._task)
+
+    def close(self) -> None:
+        self._progress.stop_task(self._task)
+
+
+def _console() -> Console:
+    return Console(highlight=False, soft_wrap=True)

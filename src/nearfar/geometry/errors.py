@@ -1,0 +1,72 @@
+"""Errors of an estimate against the truth.
+
+Homographies map near pixels to far pixels; fundamental matrices satisfy x_farᵀ F x_near = 0; poses
+take near-camera coordinates to far-camera coordinates. Points are (N, 2) pixels.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.geometry.homography import transform
+
+PAPER_FAILURE_STE = 15_833_861_380.8
+"""Symmetric transfer error that the paper gives to a pair without a homography."""
+
+
+def transfer_errors(
+    far_from_near: Matrix3, far: Coordinates, near: Coordinates
+) -> NDArray[np.float64]:
+    """(N,) distances between the far points and the mapped near points, in far pixels."""
+    return np.asarray(np.linalg.norm(far - transform(far_from_near, near), axis=1))
+
+
+def symmetric_transfer_error(far_from_near: Matrix3, far: Coordinates, near: Coordinates) -> float:
+    """STE of the paper (section IV): sum over points of the distances in both images, in pixels."""
+    near_from_far = np.linalg.inv(far_from_near)
+    there = transfer_errors(far_from_near, far, near)
+    back = transfer_errors(near_from_far, near, far)
+    return float(there.sum() + back.sum())
+
+
+def published_symmetric_transfer_error(
+    far_from_near: Matrix3, far: Coordinates, near: Coordinates
+) -> float:
+    """STE as the authors' published code computes it: without the homogeneous division."""
+    near_from_far = np.linalg.inv(far_from_near)
+    there = far - _without_division(far_from_near, near)
+    back = near - _without_division(near_from_far, far)
+    return float(np.linalg.norm(there, axis=1).sum() + np.linalg.norm(back, axis=1).sum())
+
+
+def _without_division(homography: Matrix3, xy: Coordinates) -> Coordinates:
+    return np.asarray((np.column_stack([xy, np.ones(len(xy))]) @ homography.T)[:, :2])
+
+
+def symmetric_epipolar_distances(
+    fundamental: Matrix3, far: Coordinates, near: Coordinates
+) -> NDArray[np.float64]:
+    """(N,) means of the distances of both points to the other's epipolar line, in pixels."""
+    far_h = np.column_stack([far, np.ones(len(far))])
+    near_h = np.column_stack([near, np.ones(len(near))])
+    far_lines, near_lines = near_h @ fundamental.T, far_h @ fundamental
+    residual = np.abs((far_h * far_lines).sum(axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        there = residual / np.linalg.norm(far_lines[:, :2], axis=1)
+        back = residual / np.linalg.norm(near_lines[:, :2], axis=1)
+    return np.asarray((there + back) / 2)
+
+
+def rotation_angle(rotation: Matrix3, truth: Matrix3) -> float:
+    """Angle between two rotations, in degrees."""
+    # The chord |R - R'| resolves small angles, where the arc cosine of the trace does not.
+    half_sine = np.linalg.norm(rotation - truth) / np.sqrt(8)
+    return float(np.degrees(2 * np.arcsin(min(1.0, half_sine))))
+
+
+def direction_angle(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
+    """Angle between two translations, in degrees; NaN where one of them is zero."""
+    cross = np.linalg.norm(np.cross(translation, truth))
+    if not (translation.any() and truth.any()):
+        return float("nan")
+    return float(np.degrees(np.arctan2(cross, translation @ truth)))

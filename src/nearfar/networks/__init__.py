@@ -1,0 +1,1 @@
+"""Convolutional networks: weights files -> ONNX graphs -> outputs for crops of an image."""

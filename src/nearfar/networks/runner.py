@@ -1,0 +1,57 @@
+"""Running a network on crops of an image."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Boxes, RGBPixels
+from nearfar.descriptors import crop_resized, unit_rows
+from nearfar.networks.graph import INPUT
+
+
+class CropNetwork:
+    """A network that describes boxes of an image by its outputs, on the CPU.
+
+    Args:
+        model: ONNX model from `GraphBuilder.serialized`.
+        batch_size: crops that are run together; bounds the memory.
+    """
+
+    def __init__(self, model: bytes, batch_size: int) -> None:
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.use_deterministic_compute = True
+        options.log_severity_level = 3
+        self._session = onnxruntime.InferenceSession(
+            model, options, providers=["CPUExecutionProvider"]
+        )
+        self._batch_size = batch_size
+        self._size = int(self._session.get_inputs()[0].shape[1])
+
+    @property
+    def dimensions(self) -> tuple[int, ...]:
+        """Number of values of each output for one crop."""
+        return tuple(int(np.prod(output.shape[1:])) for output in self._session.get_outputs())
+
+    def run(self, crops: RGBPixels) -> list[NDArray[np.float32]]:
+        """The outputs for (N, size, size, 3) crops, each (N, D) with channels outermost."""
+        outputs = self._session.run(None, {INPUT: crops})
+        return [output.reshape(len(crops), -1) for output in outputs]
+
+    def describe(self, pixels: RGBPixels, boxes: Boxes) -> list[NDArray[np.float16]]:
+        """For each output, one vector of unit length a box.
+
+        Args:
+            pixels: the working image.
+            boxes: (N, 4) boxes inside the image.
+
+        Returns:
+            (N, D) for each output; a row is all zero where the output is.
+        """
+        vectors = [np.empty((len(boxes), length), np.float16) for length in self.dimensions]
+        for start in range(0, len(boxes), self._batch_size):
+            batch = slice(start, start + self._batch_size)
+            outputs = self.run(crop_resized(pixels, boxes[batch], self._size))
+            for rows, output in zip(vectors, outputs, strict=True):
+                rows[batch] = unit_rows(output)
+        return vectors

@@ -1,0 +1,156 @@
+"""Antialiased drawing on RGB pixels, with coordinates in fractions of a pixel."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Mask, RGBPixels
+
+Colour = tuple[int, int, int]
+"""Red, green, blue, 0..255."""
+
+WHITE: Colour = (255, 255, 255)
+DARK: Colour = (16, 20, 28)
+AGREEING: Colour = (0, 190, 255)
+OTHER: Colour = (230, 120, 0)
+MARK: Colour = (255, 40, 130)
+
+CATEGORIES: tuple[Colour, ...] = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (0, 158, 115),
+    (240, 228, 66),
+    (0, 114, 178),
+    (213, 94, 0),
+    (204, 121, 167),
+)
+"""Okabe and Ito's colours, which colour-blind people can tell apart."""
+
+_FRACTION_BITS = 4
+_REACH = 100
+"""Polygons are cut this many pixels outside the picture, where their edges are not seen."""
+
+
+@contextmanager
+def faded(pixels: RGBPixels, opacity: float) -> Iterator[RGBPixels]:
+    """A copy to draw on, which is blended into `pixels` with `opacity` (0..1) at the end."""
+    layer = pixels.copy()
+    yield layer
+    cv2.addWeighted(layer, opacity, pixels, 1 - opacity, 0, dst=pixels)
+
+
+def polygon(
+    pixels: RGBPixels,
+    corners: Coordinates,
+    colour: Colour,
+    thickness: int,
+    casing: Colour = DARK,
+) -> None:
+    """Draw the outline of a convex polygon, wherever its corners lie.
+
+    Args:
+        pixels: (height, width, 3), drawn on.
+        corners: (N, 2) in pixels of the picture.
+        colour: colour of the outline.
+        thickness: its thickness in pixels.
+        casing: colour of a wider line beneath, which sets it off from any background.
+    """
+    height, width = pixels.shape[:2]
+    visible = clipped(corners, -_REACH, -_REACH, width + _REACH, height + _REACH)
+    if len(visible) == 0:
+        return
+    for shade, extent in ((casing, thickness + 2), (colour, thickness)):
+        cv2.polylines(
+            pixels, [_fixed(visible)], True, shade, extent, cv2.LINE_AA, shift=_FRACTION_BITS
+        )
+
+
+def inside(shape: tuple[int, ...], corners: Coordinates) -> NDArray[np.float32]:
+    """(height, width) share of each pixel, 0..1, that lies in a convex polygon."""
+    height, width = shape[:2]
+    cover = np.zeros((height, width), np.uint8)
+    visible = clipped(corners, -_REACH, -_REACH, width + _REACH, height + _REACH)
+    if len(visible):
+        cv2.fillPoly(cover, [_fixed(visible)], 255, cv2.LINE_AA, shift=_FRACTION_BITS)
+    return np.asarray(cover / 255, np.float32)
+
+
+def segments(
+    pixels: RGBPixels,
+    starts: Coordinates,
+    ends: Coordinates,
+    colour: Colour,
+    thickness: int = 1,
+) -> None:
+    """Draw lines from each of (N, 2) starts to the end in the same row."""
+    for start, end in zip(_fixed(starts), _fixed(ends), strict=True):
+        cv2.line(
+            pixels, _pair(start), _pair(end), colour, thickness, cv2.LINE_AA, shift=_FRACTION_BITS
+        )
+
+
+def dots(pixels: RGBPixels, centres: Coordinates, colour: Colour, radius: float) -> None:
+    """Draw filled circles of `radius` pixels with a dark rim around (N, 2) centres."""
+    for shade, extent in ((DARK, radius + 1), (colour, radius)):
+        size = round(extent * 2**_FRACTION_BITS)
+        for centre in _fixed(centres):
+            cv2.circle(pixels, _pair(centre), size, shade, -1, cv2.LINE_AA, shift=_FRACTION_BITS)
+
+
+def clipped(
+    corners: Coordinates, left: float, top: float, right: float, bottom: float
+) -> Coordinates:
+    """The part of a convex polygon inside a rectangle (Sutherland and Hodgman, 1974).
+
+    Args:
+        corners: (N, 2).
+        left: the rectangle's sides, in the same pixels.
+        top: see `left`.
+        right: see `left`.
+        bottom: see `left`.
+
+    Returns:
+        (M, 2) corners, or (0, 2) where they do not meet.
+    """
+    for axis, bound, sign in ((0, left, 1), (0, right, -1), (1, top, 1), (1, bottom, -1)):
+        depth = sign * (corners[:, axis] - bound)
+        corners = _kept(corners, depth)
+    return corners
+
+
+def _kept(corners: Coordinates, depth: NDArray[np.floating]) -> Coordinates:
+    """The part of a polygon where `depth`, given at its (N,) corners, is not negative."""
+    kept = []
+    for i in range(len(corners)):
+        if (depth[i - 1] < 0) != (depth[i] < 0):
+            share = depth[i - 1] / (depth[i - 1] - depth[i])
+            kept.append(corners[i - 1] + share * (corners[i] - corners[i - 1]))
+        if depth[i] >= 0:
+            kept.append(corners[i])
+    return np.array(kept, np.float64).reshape(-1, 2)
+
+
+def spread(xy: Coordinates, most: int) -> Mask:
+    """(N,) mask of at most `most` points that cover the plane evenly (farthest point first)."""
+    chosen = np.zeros(len(xy), np.bool_)
+    if len(xy) <= most:
+        return ~chosen
+    nearest = np.full(len(xy), np.inf)
+    latest = int(np.argmin(xy.sum(axis=1)))
+    for _ in range(most):
+        chosen[latest] = True
+        nearest = np.minimum(nearest, np.square(xy - xy[latest]).sum(axis=1))
+        latest = int(np.argmax(nearest))
+    return chosen
+
+
+def _fixed(xy: Coordinates) -> NDArray[np.int32]:
+    fixed: NDArray[np.int32] = np.rint(xy * 2**_FRACTION_BITS).astype(np.int32)
+    return fixed
+
+
+def _pair(xy: NDArray[np.int32]) -> tuple[int, int]:
+    return int(xy[0]), int(xy[1])

@@ -1,0 +1,101 @@
+"""Benchmark runs: evaluation, resuming, and pairs that cannot be read."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.run import read_rows, run
+from nearfar.bench.tables import success_table, time_table
+from nearfar.errors import BenchmarkError
+from nearfar.geometry.homography import transform
+from nearfar.settings import Settings
+from tests.conftest import KnownPair
+
+SIFT = Settings(method="sift")
+
+
+def write_pair(folder: Path, pair: KnownPair, offset: float = 0.0) -> None:
+    folder.mkdir(parents=True)
+    PillowImage.fromarray(pair.far).save(folder / "far.png")
+    PillowImage.fromarray(pair.near).save(folder / "near.png")
+    near = np.array([[10, 10], [500, 20], [480, 490], [30, 400], [250, 260.0]])
+    content = {
+        "set": "made",
+        "far": "far.png",
+        "near": "near.png",
+        "far_points": (transform(pair.far_from_near, near) + np.array([offset, 0])).tolist(),
+        "near_points": near.tolist(),
+        "model": "homography",
+    }
+    (folder / "pair.json").write_text(json.dumps(content))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, known_pair: KnownPair) -> Path:
+    write_pair(tmp_path / "pairs" / "right", known_pair)
+    write_pair(tmp_path / "pairs" / "shifted", known_pair, offset=10)
+    write_pair(tmp_path / "pairs" / "unreadable", known_pair)
+    (tmp_path / "pairs" / "unreadable" / "near.png").write_text("no image")
+    return tmp_path / "pairs"
+
+
+def test_errors_are_those_of_the_true_points(folder: Path, tmp_path: Path) -> None:
+    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], tmp_path / "rows.jsonl")}
+    right, shifted, unreadable = rows["right"], rows["shifted"], rows["unreadable"]
+    assert right["error"] < 1
+    assert (right["strict"], right["loose"]) == (True, True)
+    assert right["true_scale_change"] == pytest.approx(2.5, rel=0.05)
+    # The true footprint's diagonal is about 290 pixels, a tenth of it 29.
+    assert shifted["error"] == pytest.approx(10, abs=1)
+    assert (shifted["strict"], shifted["loose"]) == (False, True)
+    assert unreadable["status"] == "error"
+    assert "near.png" in unreadable["reason"]
+    assert (unreadable["error"], unreadable["strict"]) == (None, False)
+
+
+def test_a_run_resumes_after_a_cut_line(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "rows.jsonl"
+    cases = find_pairs(folder)
+    run(cases, [SIFT], file)
+    whole = file.read_bytes()
+    lines = whole.splitlines(keepends=True)
+    file.write_bytes(lines[0] + lines[1][:40])
+    resumed = run(cases, [SIFT], file)
+    assert len(resumed) == 3
+    assert file.read_bytes().startswith(lines[0])
+    assert without_seconds(read_rows(file)) == without_seconds([json.loads(line) for line in lines])
+    unchanged = file.read_bytes()
+    run(cases, [SIFT], file)
+    assert file.read_bytes() == unchanged
+
+
+def without_seconds(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+    return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
+
+
+def test_other_settings_are_other_results(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "rows.jsonl"
+    cases = find_pairs(folder)[:1]
+    first = run(cases, [SIFT], file)
+    second = run(cases, [SIFT.replace(max_size=300)], file)
+    assert len(first) == len(second) == 1
+    assert first[0]["settings"] != second[0]["settings"]
+    assert len(read_rows(file)) == 2
+
+
+def test_tables(folder: Path, tmp_path: Path) -> None:
+    rows = run(find_pairs(folder), [SIFT], tmp_path / "rows.jsonl")
+    assert "| made | 3 | 1 / 2 |" in success_table(rows)
+    assert "| points |" in time_table(rows)
+
+
+def test_malformed_pairs_are_named(tmp_path: Path) -> None:
+    with pytest.raises(BenchmarkError, match=r"pair\.json"):
+        find_pairs(tmp_path)
+    (tmp_path / "pair.json").write_text('{"far": "a.png"}')
+    with pytest.raises(BenchmarkError, match=r"pair\.json"):
+        find_pairs(tmp_path)

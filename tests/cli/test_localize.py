@@ -1,0 +1,179 @@
+"""`nearfar localize` as a person calls it: output, exit status, one line for each error."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from nearfar.arrays import RGBPixels
+from tests.conftest import KnownPair
+
+Files = tuple[Path, Path]
+
+
+def nearfar(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "nearfar", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+def assert_bad_input(result: subprocess.CompletedProcess[str], *words: str) -> None:
+    assert result.returncode == 2, result.stderr
+    assert result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1, result.stderr
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+def write(path: Path, array: np.ndarray) -> Path:
+    PillowImage.fromarray(array).save(path)
+    return path
+
+
+def test_json_follows_the_contract(known_files: Files, known_pair: KnownPair) -> None:
+    far, near = known_files
+    result = nearfar("localize", far, near, "--method", "sift", "--json")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    answer = json.loads(result.stdout)
+    assert set(answer) >= {
+        "status", "reason", "model", "far_from_near", "scale_change", "confidence", "footprint",
+        "inliers", "matches", "method", "descriptor", "seconds", "far", "near",
+    }  # fmt: skip
+    assert (answer["status"], answer["reason"], answer["model"]) == (
+        "localized",
+        None,
+        "homography",
+    )
+    assert known_pair.error(np.array(answer["far_from_near"]["homography"])) < 1
+    assert np.array(answer["footprint"]).shape == (4, 2)
+    assert 4 <= answer["inliers"] <= answer["matches"]
+    assert answer["far"] == {"path": str(far), "width": 640, "height": 480}
+
+
+def test_fundamental_matrix_and_pose(known_files: Files, tmp_path: Path) -> None:
+    far, near = known_files
+    result = nearfar("localize", far, near, "--method", "sift", "--model", "fundamental", "--json")
+    assert np.array(json.loads(result.stdout)["far_from_near"]["fundamental"]).shape == (3, 3)
+    intrinsics = tmp_path / "intrinsics.json"
+    intrinsics.write_text('{"far": [500, 500, 320, 240], "near": [1250, 1250, 256, 256]}')
+    result = nearfar(
+        "localize", far, near, "--method", "sift", "--intrinsics", intrinsics, "--json"
+    )
+    answer = json.loads(result.stdout)
+    assert (result.returncode, answer["model"]) == (0, "pose")
+    rotation = np.array(answer["far_from_near"]["rotation"])
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+    assert len(answer["far_from_near"]["translation"]) == 3
+    assert answer["footprint"] is None
+
+
+def test_text_and_pictures(known_files: Files, tmp_path: Path) -> None:
+    result = nearfar("localize", *known_files, "--save", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    assert "scale change: 2." in result.stdout
+    assert (tmp_path / "out" / "localization.json").exists()
+    assert list((tmp_path / "out").glob("*.png"))
+
+
+def test_failure_is_a_valid_answer(tmp_path: Path, photograph: Callable[[str], RGBPixels]) -> None:
+    coffee, cat = (
+        write(tmp_path / "a.png", photograph("coffee")),
+        write(tmp_path / "b.png", photograph("chelsea")),
+    )
+    flat = write(tmp_path / "flat.png", np.full((50, 60, 3), 7, np.uint8))
+    tiny = write(tmp_path / "tiny.png", np.zeros((1, 1, 3), np.uint8))
+    for near in (cat, flat, tiny):
+        result = nearfar("localize", coffee, near, "--json", "--save", tmp_path / "out")
+        assert result.returncode == 3, result.stderr
+        assert result.stderr == ""
+        answer = json.loads(result.stdout)
+        assert answer["status"] == "failed"
+        assert answer["reason"]
+        assert answer["far_from_near"] is None
+
+
+def test_unusual_images_are_localized(
+    known_pair: KnownPair, known_files: Files, tmp_path: Path
+) -> None:
+    near = known_pair.near
+    variants = {
+        "sixteen.png": near.astype(np.uint16)[..., 0] * 257,
+        "alpha.png": np.dstack([near, np.full(near.shape[:2], 255, np.uint8)]),
+        "grey.png": near[..., 1],
+    }
+    for name, array in variants.items():
+        result = nearfar(
+            "localize", known_files[0], write(tmp_path / name, array), "--method", "sift", "--json"
+        )
+        assert result.returncode == 0, result.stderr
+        homography = np.array(json.loads(result.stdout)["far_from_near"]["homography"])
+        assert known_pair.error(homography) < 1
+
+
+def test_images_that_cannot_be_read(known_files: Files, tmp_path: Path) -> None:
+    far, near = known_files
+    truncated, foreign = tmp_path / "cut.png", tmp_path / "text.jpg"
+    truncated.write_bytes(near.read_bytes()[:5000])
+    foreign.write_text("no image")
+    assert_bad_input(nearfar("localize", far, tmp_path / "missing.png"), "missing.png", "not exist")
+    assert_bad_input(nearfar("localize", far, truncated), "cut.png")
+    assert_bad_input(nearfar("localize", foreign, near), "text.jpg")
+    assert_bad_input(nearfar("localize", far, tmp_path), "folder")
+    assert_bad_input(nearfar("localize", far, near, "--max-pixels", 1000), "--max-pixels")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{",
+        '{"far": [1, 2, 3, 4]}',
+        '{"far": [NaN, 1, 1, 1], "near": [1, 1, 1, 1]}',
+        '{"far": ["a", 1, 1, 1], "near": [1, 1, 1, 1]}',
+    ],
+)
+def test_malformed_intrinsics(known_files: Files, tmp_path: Path, content: str) -> None:
+    file = tmp_path / "intrinsics.json"
+    file.write_text(content)
+    assert_bad_input(nearfar("localize", *known_files, "--intrinsics", file))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--method", "papre"], "did you mean 'paper'"),
+        (["--descriptor", "hogg"], "hog"),
+        (["--proposer", "nothing"], "proposer"),
+        (["--estimator", "nothing"], "estimator"),
+        (["--model", "affine"], "model"),
+        (["--model", "pose"], "intrinsics"),
+        (["--max-size", "-3"], "max_size"),
+        (["--no-such-option", "1"], "no-such-option"),
+        (["--weights", "resnet50"], "NAME=FILE"),
+        (["--descriptor", "resnet50-res3d@64", "--weights", "resnet50=missing.pth"], "missing.pth"),
+        (["--inlier-threshold", "nan"], "inlier_threshold"),
+    ],
+)
+def test_usage_errors(known_files: Files, arguments: list[str], word: str) -> None:
+    assert_bad_input(nearfar("localize", *known_files, *arguments), word)
+
+
+def test_output_that_cannot_be_written(known_files: Files, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.touch()
+    result = nearfar("localize", *known_files, "--method", "sift", "--save", blocked / "out")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_help_and_version_and_list() -> None:
+    assert "--max-size" in nearfar("localize", "--help").stdout
+    assert nearfar("--version").stdout.strip() == "0.1.0"
+    names = nearfar("list").stdout.split()
+    assert {"paper", "sift", "objects", "hog", "selective-search", "ransac"} <= set(names)
+    assert nearfar("nothing").returncode == 2

@@ -1,0 +1,111 @@
+"""What every plug-in must do, whatever it is: run over all names of the registry."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nearfar.arrays import RGBPixels
+from nearfar.errors import SettingsError, WeightsError
+from nearfar.estimators import MODEL_KINDS, ModelKind, Task
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+from tests.conftest import KnownPair
+from tests.scenes import plane_matches, random_homography, two_views
+
+CAMERA = np.array([[600, 0, 320], [0, 600, 240], [0, 0, 1.0]])
+
+
+def without_weights(name: str) -> bool:
+    return "-" not in name
+
+
+@pytest.mark.parametrize("name", PROPOSERS.names())
+def test_proposer(name: str, photograph: Callable[[str], RGBPixels]) -> None:
+    proposer = PROPOSERS.create(name, Settings())
+    image = photograph("coffee")
+    boxes = proposer.propose(image)
+    assert boxes.dtype == np.int32
+    np.testing.assert_array_equal(boxes, np.unique(boxes, axis=0))
+    assert (boxes[:, 2:] >= 1).all()
+    assert (boxes[:, :2] >= 0).all()
+    assert (boxes[:, :2] + boxes[:, 2:] <= [image.shape[1], image.shape[0]]).all()
+    np.testing.assert_array_equal(proposer.propose(image), boxes)
+    for blank in (np.zeros((1, 1, 3), np.uint8), np.zeros((30, 40, 3), np.uint8)):
+        assert proposer.propose(blank).shape[1] == 4
+
+
+@pytest.mark.parametrize("name", [n for n in DESCRIPTORS.names() if without_weights(n)])
+def test_descriptor(name: str, photograph: Callable[[str], RGBPixels]) -> None:
+    descriptor = DESCRIPTORS.create(name, Settings(batch_size=3))
+    image = photograph("coffee")
+    boxes = np.array([[0, 0, 1, 1], [10, 20, 40, 30], [0, 0, 600, 400], [599, 399, 1, 1]], np.int32)
+    vectors = descriptor.describe(image, boxes)
+    assert vectors.shape == (4, descriptor.dimensions)
+    length = np.linalg.norm(vectors.astype(np.float32), axis=1)
+    assert ((abs(length - 1) < 1e-2) | (length == 0)).all()
+    alone = descriptor.describe(image, boxes[1:2])
+    np.testing.assert_allclose(
+        alone[0].astype(np.float32), vectors[1].astype(np.float32), atol=1e-3
+    )
+    assert descriptor.describe(image, boxes[:0]).shape == (0, descriptor.dimensions)
+
+
+@pytest.mark.parametrize("name", [n for n in DESCRIPTORS.names() if not without_weights(n)])
+def test_descriptor_without_its_weights_says_how_to_get_them(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NEARFAR_CACHE", str(tmp_path))
+    with pytest.raises(WeightsError, match="--weights"):
+        DESCRIPTORS.create(name, Settings())
+
+
+@pytest.mark.parametrize("model", MODEL_KINDS)
+@pytest.mark.parametrize("name", ESTIMATORS.names())
+def test_estimator(name: str, model: ModelKind) -> None:
+    estimator = ESTIMATORS.create(name, Settings())
+    rng = np.random.default_rng(5)
+    task = Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
+    if model == "homography":
+        far, near = plane_matches(rng, random_homography(rng), right=90, wrong=10)
+    else:
+        views = two_views(rng, right=90, wrong=10)
+        far, near = views.far, views.near
+        task = Task(model, views.far_intrinsics, views.near_intrinsics)
+    estimate = estimator.estimate(far, near, task)
+    assert estimate.far_from_near is not None
+    assert estimate.inliers[:90].all()
+    empty = estimator.estimate(far[:0], near[:0], task)
+    assert empty.far_from_near is None
+    assert empty.reason
+
+
+@pytest.mark.parametrize("model", MODEL_KINDS)
+@pytest.mark.parametrize("name", METHODS.names())
+def test_method(name: str, model: ModelKind, known_pair: KnownPair) -> None:
+    method = METHODS.create(name, Settings(method=name))
+    task = Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
+    timer = StageTimer()
+    far, near = method.extract(known_pair.far, timer), method.extract(known_pair.near, timer)
+    answer = method.localize(far, near, task, timer)
+    assert far.nbytes > 0
+    assert answer.far.shape == answer.near.shape == (len(answer.estimate.inliers), 2)
+    assert (answer.estimate.far_from_near is None) == (answer.estimate.reason is not None)
+    assert timer.seconds
+    height, width = known_pair.far.shape[:2]
+    assert ((answer.far >= -0.5) & (answer.far <= [width, height])).all()
+    blank = method.extract(np.zeros((40, 60, 3), np.uint8), timer)
+    nothing = method.localize(blank, blank, task, timer)
+    assert nothing.estimate.far_from_near is None
+    assert nothing.estimate.reason
+
+
+@pytest.mark.parametrize("registry", [METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS])
+def test_unknown_names_are_refused_with_a_hint(registry: object) -> None:
+    assert hasattr(registry, "create")
+    assert hasattr(registry, "names")
+    close = registry.names()[0] + "x"
+    with pytest.raises(SettingsError, match="did you mean"):
+        registry.create(close, Settings())

@@ -1,0 +1,151 @@
+"""RANSAC on exact synthetic problems, and on everything that OpenCV trips over."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nearfar.arrays import Coordinates
+from nearfar.estimators import MODEL_KINDS, ModelKind, Task
+from nearfar.estimators.ransac import Ransac
+from nearfar.geometry.errors import (
+    direction_angle,
+    rotation_angle,
+    symmetric_epipolar_distances,
+    transfer_errors,
+)
+from nearfar.geometry.pose import RelativePose
+from nearfar.settings import Settings
+from tests.scenes import SIZE, plane_matches, random_homography, two_views
+
+CAMERA = np.array([[900, 0, 600], [0, 900, 450], [0, 0, 1.0]])
+seeds = st.integers(0, 10_000)
+
+
+def task(model: ModelKind) -> Task:
+    return Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
+
+
+def ransac(**options: float) -> Ransac:
+    return Ransac("ransac", Settings().replace(**options))
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_homography_among_wrong_matches(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = random_homography(rng)
+    far, near = plane_matches(rng, truth, right=150, wrong=50, noise=0.3)
+    estimate = ransac().estimate(far, near, Task("homography"))
+    assert estimate.reason is None
+    assert not isinstance(estimate.far_from_near, RelativePose)
+    assert estimate.far_from_near is not None
+    grid = rng.uniform(0, SIZE, (20, 2))
+    error = np.linalg.norm(transfer_errors(estimate.far_from_near, transfer(truth, grid), grid))
+    assert error / np.sqrt(20) < 2
+    assert estimate.inliers[:150].mean() > 0.98
+    assert estimate.inliers[150:].mean() < 0.1
+
+
+def transfer(homography: np.ndarray, xy: Coordinates) -> Coordinates:
+    mapped = np.column_stack([xy, np.ones(len(xy))]) @ homography.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_pose_of_cameras_with_different_intrinsics(seed: int) -> None:
+    views = two_views(np.random.default_rng(seed), right=150, wrong=40, noise=0.2)
+    wanted = Task("pose", views.far_intrinsics, views.near_intrinsics)
+    estimate = ransac(inlier_threshold=1.0).estimate(views.far, views.near, wanted)
+    assert isinstance(estimate.far_from_near, RelativePose)
+    assert rotation_angle(estimate.far_from_near.rotation, views.pose.rotation) < 3
+    assert direction_angle(estimate.far_from_near.translation, views.pose.translation) < 8
+    assert np.linalg.norm(estimate.far_from_near.translation) == pytest.approx(1)
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_fundamental_matrix_relates_near_to_far(seed: int) -> None:
+    views = two_views(np.random.default_rng(seed), right=150, wrong=20, noise=0.2)
+    estimate = ransac(inlier_threshold=1.0).estimate(views.far, views.near, Task("fundamental"))
+    assert estimate.far_from_near is not None
+    assert not isinstance(estimate.far_from_near, RelativePose)
+    distances = symmetric_epipolar_distances(
+        estimate.far_from_near, views.far[:150], views.near[:150]
+    )
+    assert np.median(distances) < 1
+
+
+def line(count: int) -> tuple[Coordinates, Coordinates]:
+    steps = np.linspace(0, 800, count)
+    return np.column_stack([steps, steps / 2]), np.column_stack([steps, 300 - steps / 4])
+
+
+DEGENERATE: dict[str, Callable[[], tuple[Coordinates, Coordinates]]] = {
+    "none": lambda: (np.empty((0, 2)), np.empty((0, 2))),
+    "three": lambda: (np.eye(3)[:, :2] * 100, np.eye(3)[:, :2] * 200),
+    "identical": lambda: (np.full((50, 2), 7.0), np.full((50, 2), 9.0)),
+    "all to one point": lambda: (
+        np.full((50, 2), 7.0),
+        np.random.default_rng(0).uniform(0, 900, (50, 2)),
+    ),
+    "nan": lambda: (np.full((50, 2), np.nan), np.zeros((50, 2))),
+    "infinite": lambda: (np.full((50, 2), np.inf), np.full((50, 2), 1e308)),
+}
+
+
+@pytest.mark.parametrize("model", MODEL_KINDS)
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_degenerate_matches_fail_with_a_reason(model: ModelKind, name: str) -> None:
+    far, near = DEGENERATE[name]()
+    estimate = ransac().estimate(far, near, task(model))
+    assert estimate.far_from_near is None
+    assert estimate.reason
+    assert estimate.inliers.shape == (len(far),)
+    assert not estimate.inliers.any()
+
+
+def test_collinear_matches_give_no_homography() -> None:
+    estimate = ransac().estimate(*line(60), Task("homography"))
+    assert estimate.far_from_near is None
+    assert estimate.reason
+
+
+@pytest.mark.parametrize("count", range(4, 12))
+@pytest.mark.parametrize("model", MODEL_KINDS)
+def test_few_random_or_collinear_matches_never_raise(model: ModelKind, count: int) -> None:
+    """With few matches OpenCV returns None, stacks of essential matrices or bad masks."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        for far, near in (rng.uniform(0, 900, (2, count, 2)), line(count)):
+            estimate = ransac().estimate(far, near, task(model))
+            assert (estimate.far_from_near is None) == (estimate.reason is not None)
+            assert estimate.inliers.shape == (count,)
+            if isinstance(estimate.far_from_near, RelativePose):
+                assert np.isfinite(estimate.far_from_near.rotation).all()
+            elif estimate.far_from_near is not None:
+                assert estimate.far_from_near.shape == (3, 3)
+                assert np.isfinite(estimate.far_from_near).all()
+
+
+def test_nan_matches_are_left_out() -> None:
+    rng = np.random.default_rng(0)
+    far, near = plane_matches(rng, random_homography(rng), right=50, wrong=0)
+    far[::7] = np.nan
+    estimate = ransac().estimate(far, near, Task("homography"))
+    assert estimate.far_from_near is not None
+    assert not estimate.inliers[::7].any()
+
+
+def test_the_seed_decides() -> None:
+    rng = np.random.default_rng(3)
+    far, near = plane_matches(rng, random_homography(rng), right=30, wrong=170, noise=1)
+    first, again, other = (
+        np.asarray(ransac(seed=seed).estimate(far, near, Task("homography")).far_from_near)
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)

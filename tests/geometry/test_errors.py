@@ -1,0 +1,85 @@
+"""Error metrics, against values worked out by hand and by SciPy's rotations."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from nearfar.geometry.epipolar import fundamental_from_pose
+from nearfar.geometry.errors import (
+    direction_angle,
+    published_symmetric_transfer_error,
+    rotation_angle,
+    symmetric_epipolar_distances,
+    symmetric_transfer_error,
+    transfer_errors,
+)
+from nearfar.geometry.homography import transform
+from tests.scenes import SIZE, random_homography, two_views
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(seeds)
+def test_zero_at_the_truth(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    homography = random_homography(rng)
+    near = rng.uniform(0, SIZE, (10, 2))
+    far = transform(homography, near)
+    assert symmetric_transfer_error(homography, far, near) < 1e-6
+    views = two_views(rng, right=10, wrong=0)
+    fundamental = fundamental_from_pose(views.pose, views.far_intrinsics, views.near_intrinsics)
+    assert symmetric_epipolar_distances(fundamental, views.far, views.near).max() < 1e-6
+
+
+def test_transfer_errors_by_hand() -> None:
+    shift = np.array([[1, 0, 3], [0, 1, 4], [0, 0, 1.0]])
+    points = np.array([[0, 0], [10, 20.0]])
+    np.testing.assert_allclose(transfer_errors(shift, points, points), [5, 5])
+    assert symmetric_transfer_error(shift, points, points) == pytest.approx(20)
+
+
+def test_published_variant_leaves_out_the_division() -> None:
+    doubled = 2 * np.eye(3)
+    points = np.array([[3, 4.0]])
+    assert symmetric_transfer_error(doubled, points, points) == pytest.approx(0)
+    # 2p - p there and p / 2 - p back: 5 and 2.5.
+    assert published_symmetric_transfer_error(doubled, points, points) == pytest.approx(7.5)
+
+
+@given(seeds)
+def test_symmetric_transfer_error_is_symmetric(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    homography = random_homography(rng)
+    far, near = rng.uniform(0, SIZE, (2, 10, 2))
+    forward = symmetric_transfer_error(homography, far, near)
+    assert symmetric_transfer_error(np.linalg.inv(homography), near, far) == pytest.approx(forward)
+
+
+def test_epipolar_distances_by_hand() -> None:
+    # A sideways shift: the epipolar lines are the rows of the image.
+    rows = np.array([[0, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+    far, near = np.array([[5, 7.0]]), np.array([[100, 4.0]])
+    np.testing.assert_allclose(symmetric_epipolar_distances(rows, far, near), [3])
+
+
+@given(st.floats(-180, 180), seeds)
+def test_rotation_angle_agrees_with_scipy(degrees: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    first = Rotation.random(random_state=seed % 2**31)
+    axis = rng.normal(size=3)
+    second = Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)) * first
+    angle = rotation_angle(first.as_matrix(), second.as_matrix())
+    assert angle == pytest.approx(np.degrees((second * first.inv()).magnitude()), abs=1e-5)
+    assert angle == pytest.approx(rotation_angle(second.as_matrix(), first.as_matrix()), abs=1e-9)
+
+
+@given(st.floats(0, 180), st.floats(0.1, 10))
+def test_direction_angle_ignores_length(degrees: float, length: float) -> None:
+    turned = Rotation.from_euler("z", degrees, degrees=True).apply([1.0, 0, 0])
+    assert direction_angle(length * turned, np.array([1.0, 0, 0])) == pytest.approx(degrees)
+
+
+def test_direction_of_no_translation_is_undefined() -> None:
+    assert np.isnan(direction_angle(np.zeros(3), np.ones(3)))

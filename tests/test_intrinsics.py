@@ -1,0 +1,63 @@
+"""Reading intrinsics, and refusing bad ones."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from nearfar.errors import IntrinsicsError
+from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
+
+FAR, NEAR = [700.0, 710.0, 320.0, 240.0], [1400.0, 1410.0, 300.0, 220.0]
+
+
+def test_json_file_mapping_and_object_agree(tmp_path: Path) -> None:
+    file = tmp_path / "intrinsics.json"
+    file.write_text(json.dumps({"far": FAR, "near": NEAR}))
+    expected = Intrinsics(CameraIntrinsics(*FAR), CameraIntrinsics(*NEAR))
+    assert read_intrinsics(file) == expected
+    assert read_intrinsics({"far": FAR, "near": NEAR}) == expected
+    assert read_intrinsics(expected) is expected
+    np.testing.assert_array_equal(expected.far.matrix, [[700, 0, 320], [0, 710, 240], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("first", ["P0", "P2"])
+def test_kitti_calibration(tmp_path: Path, first: str) -> None:
+    file = tmp_path / "calib.txt"
+    file.write_text(f"{first}: 718.856 0 607.1928 0 0 718.5 185.2157 0 0 0 1 0\nTr: 1 2 3\n")
+    found = read_intrinsics(file)
+    assert found.far == found.near == CameraIntrinsics(718.856, 718.5, 607.1928, 185.2157)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"far": FAR},
+        {"far": FAR, "near": NEAR[:3]},
+        {"far": FAR, "near": "1234"[:2]},
+        {"far": FAR, "near": [float("nan"), 1, 1, 1]},
+        {"far": FAR, "near": [float("inf"), 1, 1, 1]},
+        {"far": FAR, "near": [0, 1, 1, 1]},
+        {"far": FAR, "near": [1, -1, 1, 1]},
+        {"far": FAR, "near": NEAR, "other": NEAR},
+        [FAR, NEAR],
+        None,
+    ],
+)
+def test_malformed_values_are_refused(tmp_path: Path, content: Any) -> None:
+    file = tmp_path / "intrinsics.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(IntrinsicsError):
+        read_intrinsics(file)
+
+
+@pytest.mark.parametrize("text", ["", "{", "P0: 1 2 3", "P0 1 2 3", "P: x"])
+def test_malformed_files_are_refused(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "calib.txt"
+    file.write_text(text)
+    with pytest.raises(IntrinsicsError):
+        read_intrinsics(file)
+    with pytest.raises(IntrinsicsError, match="missing"):
+        read_intrinsics(tmp_path / "missing.json")

@@ -1,0 +1,45 @@
+"""Settings refuse unknown names and values out of range."""
+
+from typing import Any
+
+import pytest
+
+from nearfar import Localizer, localize
+from nearfar.errors import SettingsError
+from nearfar.settings import Settings
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"max_size": -1},
+        {"max_pixels": 0},
+        {"proposal_sigma": 0},
+        {"proposal_k": 0},
+        {"proposal_mode": "slow"},
+        {"proposal_max_aspect": 0.5},
+        {"inlier_threshold": float("nan")},
+        {"inlier_threshold": float("inf")},
+        {"max_false_alarms": 0},
+        {"batch_size": 0},
+        {"unknown": 1},
+        {"method": "shift"},
+        {"proposer": "x"},
+        {"descriptor": "x"},
+        {"estimator": "x"},
+    ],
+)
+def test_bad_options_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(SettingsError):
+        Localizer(**options)
+
+
+def test_replace_leaves_the_original() -> None:
+    settings = Settings()
+    assert settings.replace(seed=3).seed == 3
+    assert settings.seed == 0
+
+
+def test_localize_refuses_unknown_options_before_reading() -> None:
+    with pytest.raises(SettingsError, match="max_sizes"):
+        localize("missing.png", "missing.png", max_sizes=3)
