@@ -128,14 +128,15 @@ def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
             if _is_deep_colour(opened):
                 opened.load()
                 return _decode_deep_colour(path, opened)
-            image = ImageOps.exif_transpose(opened)
-            if image.mode.startswith("I;16"):
-                return np.asarray(image).astype(np.uint16)
-            if image.mode in ("I", "F"):
+            ImageOps.exif_transpose(opened, in_place=True)
+            if opened.mode.startswith("I;16"):
+                return np.asarray(opened).astype(np.uint16)
+            if opened.mode in ("I", "F"):
                 raise ImageError(
                     f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel"
                 )
-            return np.asarray(image.convert(_eight_bit_mode(image)))
+            mode = _eight_bit_mode(opened)
+            return np.asarray(opened if opened.mode == mode else opened.convert(mode))
     except FileNotFoundError:
         raise ImageError(f"{path} does not exist") from None
     except IsADirectoryError:

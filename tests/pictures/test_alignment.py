@@ -78,9 +78,9 @@ def test_the_frame_shows_the_surroundings_of_the_footprint_enlarged() -> None:
     found = localized(textured(600, 400), textured(200, 100), Shift(0.25, 300, 200).matrix)
     overlay = near_on_far(found, 800, 800)
     assert overlay is not None
-    assert overlay.enlarged == pytest.approx(10, rel=0.01)
+    assert overlay.enlarged == pytest.approx(800 / 70, rel=0.01)
     assert overlay.below.shape[:2] == (400, 800)
-    assert overlay.note == "enlarged 10.0 times"
+    assert overlay.note == "enlarged 11.4 times"
     at_corner = overlay.frame_from_far @ [299.5 + 0.125, 199.5 + 0.125, 1]
     assert overlay.cover[int(at_corner[1]) + 20, int(at_corner[0]) + 20] == 1
     assert overlay.cover[int(at_corner[1]) - 20, int(at_corner[0]) - 20] == 0

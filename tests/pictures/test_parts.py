@@ -26,8 +26,13 @@ def agreement(found: Localization) -> list[bool]:
 def test_landmarks_agree_where_the_homography_brings_their_boxes_together() -> None:
     found = localized(BLANK, BLANK, Shift(0.4, 100, 80).matrix)
     assert agreement(found) == [True, True, False]
-    resized = replace(found, far_from_near=Shift(0.9, 0, 0).matrix)
-    assert agreement(resized) == [False] * 3
+    elsewhere = replace(found, far_from_near=Shift(0.4, 200, 80).matrix)
+    assert agreement(elsewhere) == [False] * 3
+    twice = found.landmarks.far_boxes.copy()
+    twice[:, :2] -= twice[:, 2:] // 2
+    twice[:, 2:] *= 2
+    larger = replace(found, landmarks=replace(found.landmarks, far_boxes=twice))
+    assert agreement(larger) == [False] * 3
 
 
 def test_landmarks_agree_where_their_epipolar_line_passes() -> None:

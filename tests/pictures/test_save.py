@@ -140,6 +140,13 @@ def test_images_of_any_shape(
     saved(replace(failed, status="failed", reason="nothing " * 60), tmp_path / "failed")
 
 
+def test_a_far_image_longer_than_opencv_can_warp(tmp_path: Path) -> None:
+    stripe = np.zeros((40, 40_000), np.uint8)
+    stripe[:, ::100] = 255
+    far, near = read_image(stripe), read_image(np.full((300, 400), 90, np.uint8))
+    assert saved(localized(far, near, Shift(0.1, 39_000, 5).matrix), tmp_path).keys() >= WARPED
+
+
 @pytest.mark.parametrize("max_size", [0, 200])
 def test_the_outline_is_drawn_where_the_footprint_is(
     known_pair: KnownPair, tmp_path: Path, max_size: int

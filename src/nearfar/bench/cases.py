@@ -1,6 +1,7 @@
 """One case of a benchmark: a pair of images with its ground truth."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from nearfar.arrays import Coordinates
@@ -24,6 +25,7 @@ class Case:
         near_points: (N, 2) the corresponding points of the near image.
         pose: the true pose in metres; None unless the model is a pose.
         intrinsics: of both cameras; None unless the model is a pose.
+        tags: what else a result is told apart or grouped by, e.g. {"factor": 4}.
     """
 
     name: str
@@ -36,3 +38,4 @@ class Case:
     near_points: Coordinates
     pose: RelativePose | None = None
     intrinsics: Intrinsics | None = None
+    tags: Mapping[str, str | float] = field(default_factory=dict)

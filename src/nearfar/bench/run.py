@@ -21,6 +21,18 @@ from nearfar.settings import Settings
 Row = dict[str, Any]
 """One line of a result file."""
 
+_KEPT = (
+    "status",
+    "reason",
+    "far_from_near",
+    "descriptor",
+    "inliers",
+    "matches",
+    "landmark_matches",
+    "scale_change",
+    "seconds",
+)
+
 
 def settings_key(settings: Settings) -> str:
     """A short hash of everything that can change a result."""
@@ -85,6 +97,9 @@ def _row(case: Case, localizer: Localizer, key: str) -> Row:
     row: Row = {
         "case": case.name,
         "group": case.group,
+        "tags": dict(case.tags),
+        "far": str(case.far),
+        "near": str(case.near),
         "model": case.model,
         "true_scale_change": case.scale_change,
         "method": settings.method,
@@ -98,6 +113,5 @@ def _row(case: Case, localizer: Localizer, key: str) -> Row:
         failed = Errors(float("inf"), False, False).to_dict()
         return row | {"status": "error", "reason": str(error)} | failed
     answer = found.to_dict()
-    kept = ("status", "reason", "descriptor", "inliers", "matches", "landmark_matches")
-    row |= {name: answer[name] for name in (*kept, "scale_change", "seconds")}
+    row |= {name: answer[name] for name in _KEPT}
     return row | evaluate(case, found).to_dict()

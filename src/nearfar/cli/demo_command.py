@@ -15,7 +15,7 @@ from nearfar.demo import METHODS, TOLERANCE, Scene, make_scene, true_error, true
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.pictures import save, save_small
-from nearfar.pictures.footprint import footprint
+from nearfar.pictures.footprint import footprint_page
 from nearfar.pictures.page import Caption, Entry
 
 
@@ -83,7 +83,7 @@ def _overview(scene: Scene, best: Trial) -> RGBPixels | None:
     found = f"{'Found' if best.right else 'Missed'}, {true_scale_change(scene):.1f} times smaller"
     source = "Real photographs; the far image was composed of them, so that the truth is known"
     caption = Caption(f"{found}, {best.error:.2f} pixels from the truth", (Entry(source),))
-    return footprint(best.found, caption=caption, aligned=True)
+    return footprint_page(best.found, caption=caption, aligned=True)
 
 
 def _report(console: Console, scene: Scene, trials: list[Trial]) -> None:
@@ -97,7 +97,7 @@ def _report(console: Console, scene: Scene, trials: list[Trial]) -> None:
         "truth is known exactly.\n"
     )
     table = Table("method", "status", box=SIMPLE_HEAD)
-    for heading in ("scale change", "inliers / matches", "true error", "seconds"):
+    for heading in ("scale change", "inliers/matches", "true error", "seconds"):
         table.add_column(heading, justify="right")
     for trial in trials:
         found, points = trial.found, trial.found.points
@@ -105,10 +105,13 @@ def _report(console: Console, scene: Scene, trials: list[Trial]) -> None:
             found.method,
             found.status,
             "-" if found.scale_change is None else f"{found.scale_change:.2f}x",
-            f"{points.inliers.sum()} / {len(points)}",
+            f"{points.inliers.sum()}/{len(points)}",
             f"{trial.error:.2f} px" if math.isfinite(trial.error) else "-",
             f"{sum(found.seconds.values()):.1f}",
             style="bold" if trial.right else "",
         )
     console.print(table)
+    for trial in trials:
+        if trial.found.reason is not None:
+            console.print(f"{trial.found.method}: {trial.found.reason}", markup=False)
     console.print("True error: mean distance from the truth in the far image, over the near image.")

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.pictures.footprint import footprint
+from nearfar.pictures.footprint import footprint_page
 from nearfar.pictures.matches import epipolar_matches, landmark_matches, point_matches
 from nearfar.pictures.overlays import overlay_pages
 
@@ -50,7 +50,7 @@ def save_all(localization: "Localization", folder: Path) -> list[Path]:
         else landmark_matches(localization),
         "point_matches": point_matches(localization),
         "epipolar_lines": epipolar_matches(localization),
-        "footprint": footprint(localization),
+        "footprint": footprint_page(localization),
         **overlay_pages(localization),
     }
     return [save(page, folder / f"{name}.png") for name, page in pages.items() if page is not None]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _SQUARES = 12
 """Squares of the checkerboard along the longer side."""
 
-_AROUND = 0.3
+_AROUND = 0.2
 """Part of the far image shown on each side of the footprint, as a share of the latter."""
 
 _MOST_ENLARGED = 40

@@ -25,7 +25,7 @@ _DIMMED = 0.78
 """Brightness of the far image outside the footprint."""
 
 
-def footprint(
+def footprint_page(
     localization: "Localization", *, caption: Caption | None = None, aligned: bool = False
 ) -> RGBPixels | None:
     """The near image's outline on the far image, beside the near image and the region enlarged.

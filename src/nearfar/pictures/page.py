@@ -86,9 +86,7 @@ class Caption:
     entries: tuple[Entry, ...] = ()
 
 
-def panel(
-    image: Image, left: int, top: int, width: int, height: int, title: str, note: str | None = None
-) -> Panel:
+def panel(image: Image, left: int, top: int, width: int, height: int, title: str) -> Panel:
     """The whole image, as large as fits into a place of the page.
 
     Args:
@@ -97,25 +95,16 @@ def panel(
         top: row of the page at which the place begins.
         width: width of the place in pixels.
         height: height of the place in pixels.
-        title: text over the panel.
-        note: paler text behind it; the size of the original where None.
+        title: text over the panel, before the size of the original.
     """
-    scale = min(width / image.width, height / image.height)
-    shown = image.pixels.shape[1] / image.width
-    scale = min(scale, _MOST_ENLARGED * shown)
+    most = _MOST_ENLARGED * image.pixels.shape[1] / image.width
+    scale = min(width / image.width, height / image.height, most)
     across = min(width, max(1, round(image.width * scale)))
     down = min(height, max(1, round(image.height * scale)))
     panel_from_original = scaling(across / image.width, down / image.height)
     pixels, _ = rendered(image, panel_from_original, across, down)
-    size = f"{image.width} x {image.height}"
-    return Panel(
-        pixels,
-        left,
-        top,
-        panel_from_original,
-        title,
-        size if note is None else note,
-    )
+    note = f"{image.width} x {image.height}"
+    return Panel(pixels, left, top, panel_from_original, title, note)
 
 
 def far_and_near(far: Image, near: Image) -> tuple[Panel, Panel]:

@@ -8,6 +8,9 @@ from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform
 from nearfar.image import Image
 
+_LONGEST = 32_000
+"""OpenCV warps no longer images."""
+
 _SAMPLES = 33
 """Places along each side of a frame at which the magnification is looked at."""
 
@@ -63,7 +66,8 @@ def _reduced(
 ) -> tuple[RGBPixels, Matrix3]:
     """Pixels averaged down to about the frame's resolution, and their map to the frame."""
     old_height, old_width = pixels.shape[:2]
-    scale = 1.0
+    magnification = _magnification(frame_from_pixels, old_width, old_height, width, height)
+    scale = min(1.0, magnification, _LONGEST / max(old_width, old_height))
     new_width, new_height = max(1, round(old_width * scale)), max(1, round(old_height * scale))
     if (new_width, new_height) == (old_width, old_height):
         return pixels, frame_from_pixels
