@@ -25,7 +25,7 @@ def save(path: Path, array: NDArray[Any], **options: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", ["png", "tif", "bmp", "webp", "jpg"])
+@pytest.mark.parametrize("suffix", ["png", "tif", "bmp", "webp", "ppm", "jpg"])
 def test_formats_agree(tmp_path: Path, suffix: str) -> None:
     options: dict[str, dict[str, Any]] = {
         "webp": {"lossless": True},

@@ -3,9 +3,20 @@
 import tracemalloc
 
 import numpy as np
+import pytest
 
 from nearfar.descriptors import unit_rows
-from nearfar.landmarks import Landmarks, centres, cosine_similarity, match_landmarks
+from nearfar.errors import SettingsError
+from nearfar.landmarks import (
+    LandmarkLayers,
+    Landmarks,
+    centres,
+    cosine_similarity,
+    landmark_descriptors,
+    match_landmarks,
+    match_layers,
+)
+from nearfar.settings import Settings
 
 
 def landmarks(vectors: np.ndarray) -> Landmarks:
@@ -54,3 +65,25 @@ def test_centre_of_one_pixel_is_that_pixel() -> None:
     np.testing.assert_array_equal(
         centres(np.array([[5, 7, 1, 1], [0, 0, 4, 3]])), [[5, 7], [1.5, 1]]
     )
+
+
+def test_layers_give_the_union_of_their_matches() -> None:
+    """Two layers agree on the first landmark; each finds one that the other does not see."""
+    boxes = np.arange(12, dtype=np.int32).reshape(3, 4)
+    first, second = np.eye(3, dtype=np.float16), np.eye(3, dtype=np.float16)
+    first[2], second[1] = 0, 0
+    weaker = unit_rows(np.array([[2, 0, 0], [0, 1, 0], [0.5, 0, 1]], np.float32))
+    far = LandmarkLayers((Landmarks(boxes, first), Landmarks(boxes, second)))
+    near = LandmarkLayers((Landmarks(boxes, first), Landmarks(boxes, weaker)))
+    matches = match_layers(far, near)
+    np.testing.assert_array_equal(matches.far_boxes, boxes)
+    np.testing.assert_array_equal(matches.near_boxes, boxes)
+    np.testing.assert_allclose(matches.similarity, [1, 1, np.sqrt(0.8)], atol=1e-3)
+    one = LandmarkLayers(far.layers[:1])
+    assert len(match_layers(one, LandmarkLayers(near.layers[:1]))) == 2
+
+
+def test_descriptors_are_joined_by_plus() -> None:
+    assert len(landmark_descriptors(Settings(descriptor="hog+hog"))) == 2
+    with pytest.raises(SettingsError, match="did you mean 'hog'"):
+        landmark_descriptors(Settings(descriptor="hog+hogg"))

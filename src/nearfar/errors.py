@@ -26,3 +26,11 @@ class WeightsError(NearfarError):
 
 class BenchmarkError(NearfarError):
     """A benchmark's data are missing or malformed."""
+
+
+class ExternalMethodError(NearfarError):
+    """A matcher that was named by `python:module.function` raised an exception."""
+
+
+class MissingExtraError(NearfarError):
+    """A package of an optional extra is not installed."""

@@ -19,7 +19,7 @@ from PIL.ImageFile import ImageFile
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
 
-FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP")
+FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
 TRANSPARENT_GREY = 128
 """What shows through transparent pixels."""
 
@@ -75,8 +75,8 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
     sensor use the whole range.
 
     Args:
-        source: a file (JPEG, PNG, TIFF, WebP or BMP; of several pages the first) or an array of
-            uint8 or uint16.
+        source: a file (JPEG, PNG, TIFF, WebP, BMP or PPM; of several pages the first), or an
+            array of uint8 or uint16.
         max_size: longest side of the working image in pixels; 0 keeps the original size.
         max_pixels: refuse images with more pixels.
 

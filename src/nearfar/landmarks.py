@@ -1,12 +1,16 @@
 """Landmarks: proposals with their descriptors, and their matches between two images."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Boxes, Coordinates, Vectors
+from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
+from nearfar.descriptors import Descriptor
 from nearfar.matching import mutual_nearest
+from nearfar.registry import DESCRIPTORS
+from nearfar.settings import Settings
 
 _CHUNK = 4096
 """Descriptor values that are multiplied at a time; bounds memory for 131,072-value vectors."""
@@ -28,6 +32,41 @@ class Landmarks:
     def nbytes(self) -> int:
         """Memory that the arrays take, in bytes."""
         return self.boxes.nbytes + self.vectors.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkLayers:
+    """The landmarks of one image as several descriptors see them, or as the only one does.
+
+    Attributes:
+        layers: the same boxes with the vectors of each descriptor.
+    """
+
+    layers: tuple[Landmarks, ...]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the arrays take, in bytes."""
+        return sum(layer.nbytes for layer in self.layers)
+
+
+def landmark_descriptors(settings: Settings) -> list[Descriptor]:
+    """The descriptors that the settings name, one or several joined by "+".
+
+    Raises:
+        SettingsError: a name is unknown.
+        WeightsError: a descriptor needs weights that are missing or do not fit.
+    """
+    return [DESCRIPTORS.create(name, settings) for name in settings.descriptor.split("+")]
+
+
+def describe_landmarks(
+    pixels: RGBPixels, boxes: Boxes, descriptors: Sequence[Descriptor]
+) -> LandmarkLayers:
+    """The landmarks at (N, 4) boxes, described by each descriptor."""
+    return LandmarkLayers(
+        tuple(Landmarks(boxes, each.describe(pixels, boxes)) for each in descriptors)
+    )
 
 
 def centres(boxes: Boxes) -> Coordinates:
@@ -77,3 +116,23 @@ def match_landmarks(far: Landmarks, near: Landmarks) -> LandmarkMatches:
     alike = similarity > 0
     far_index, near_index = pairs[alike].T
     return LandmarkMatches(far.boxes[far_index], near.boxes[near_index], similarity[alike])
+
+
+def match_layers(far: LandmarkLayers, near: LandmarkLayers) -> LandmarkMatches:
+    """The union of the matches of each descriptor (the paper's "matches from multiple layers").
+
+    Where several descriptors match the same two boxes, the most similar match is kept.
+    """
+    found = [match_landmarks(*both) for both in zip(far.layers, near.layers, strict=True)]
+    if len(found) == 1:
+        return found[0]
+    boxes = np.hstack(
+        [
+            np.vstack([matches.far_boxes for matches in found]),
+            np.vstack([matches.near_boxes for matches in found]),
+        ]
+    )
+    similarity = np.concatenate([matches.similarity for matches in found])
+    by_similarity = np.argsort(-similarity, kind="stable")
+    distinct, first = np.unique(boxes[by_similarity], axis=0, return_index=True)
+    return LandmarkMatches(distinct[:, :4], distinct[:, 4:], similarity[by_similarity][first])

@@ -1,14 +1,14 @@
 """Localizing pairs of images with one set of settings."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from cachetools import LRUCache
 
 from nearfar.arrays import Boxes, Matrix3
 from nearfar.errors import IntrinsicsError, SettingsError
-from nearfar.estimators import MODEL_KINDS, Estimate, ModelKind, Task, failure
+from nearfar.estimators import MODEL_KINDS, MODEL_NAMES, Estimate, ModelKind, Task, failure
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.pose import RelativePose
 from nearfar.geometry.scale import scale_change
@@ -17,10 +17,13 @@ from nearfar.image import Image, ImageSource, read_image
 from nearfar.intrinsics import CameraIntrinsics, Intrinsics, IntrinsicsSource, read_intrinsics
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
-from nearfar.methods import Answer
+from nearfar.methods import Answer, Method
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
+
+if TYPE_CHECKING:
+    from nearfar.bench.feature_store import FeatureStore
 
 
 class Localizer:
@@ -29,6 +32,8 @@ class Localizer:
     Args:
         settings: the settings; the defaults where None.
         cache_bytes: memory for the features of the images used last.
+        store: features on disk, where those not in memory are looked up and kept.
+        engine: the method itself, where it is not to be made from the settings.
         **options: settings to change, by name.
 
     Raises:
@@ -37,11 +42,23 @@ class Localizer:
     """
 
     def __init__(
-        self, settings: Settings | None = None, *, cache_bytes: int = 10**9, **options: Any
+        self,
+        settings: Settings | None = None,
+        *,
+        cache_bytes: int = 10**9,
+        store: "FeatureStore | None" = None,
+        engine: Method[Any] | None = None,
+        **options: Any,
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
-        self._method = METHODS.create(self.settings.method, self.settings)
+        self._method = engine or METHODS.create(self.settings.method, self.settings)
+        self._stored = None if store is None else store.of(self.settings)
         self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)
+
+    @property
+    def descriptor(self) -> str | None:
+        """Name of the landmark descriptor; None for a method without landmarks."""
+        return self.settings.descriptor if self._method.uses_landmarks else None
 
     def localize(
         self,
@@ -89,7 +106,12 @@ class Localizer:
         key = image.content_hash
         if key in self._features:
             return self._features[key]
-        features = self._method.extract(image.pixels, timer)
+        if self._stored is None:
+            features = self._method.extract(image.pixels, timer)
+        else:
+            features = self._stored.get_or_compute(
+                key, lambda: self._method.extract(image.pixels, timer)
+            )
         if features.nbytes <= self._features.maxsize:
             self._features[key] = features
         return features
@@ -123,7 +145,7 @@ class Localizer:
             landmarks=landmarks,
             seconds=timer.seconds,
             method=self.settings.method,
-            descriptor=self.settings.descriptor if self._method.uses_landmarks else None,
+            descriptor=self.descriptor,
             far=far,
             near=near,
         )
@@ -139,15 +161,16 @@ class Localizer:
             answer.far[estimate.inliers],
             answer.near[estimate.inliers],
             len(answer.far),
-            threshold=self.settings.inlier_threshold,
+            threshold=estimate.threshold,
             far_size=(width, height),
         )
         if exponent <= math.log10(self.settings.max_false_alarms):
             return estimate
         return failure(
             len(answer.far),
-            f"the best {kind} agrees with {estimate.inliers.sum()} of {len(answer.far)} point "
-            f"matches, which chance may explain (see max_false_alarms)",
+            estimate.threshold,
+            f"the best {MODEL_NAMES[kind]} agrees with {estimate.inliers.sum()} of "
+            f"{len(answer.far)} point matches, which chance may explain (--max-false-alarms)",
         )
 
 

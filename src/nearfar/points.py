@@ -1,22 +1,26 @@
-"""Points: SIFT keypoints with their descriptors, and their matches between two images."""
+"""Points: keypoints with their descriptors, and their matches between two images."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, IndexPairs, RGBPixels, Vectors
-from nearfar.matching import mutual_nearest
+from nearfar.matching import mutual_nearest, second_similarity
+
+PAPER_CONTRAST = 0.04
+"""SIFT's contrast threshold in the paper."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """The SIFT keypoints of one image.
+    """The keypoints of one image.
 
     Attributes:
         xy: (N, 2) in pixels of the working image.
-        vectors: (N, 128) descriptors, whole numbers 0..255 as float32.
+        vectors: (N, D) descriptors; those of SIFT are 128 whole numbers 0..255.
     """
 
     xy: Coordinates
@@ -28,26 +32,57 @@ class Points:
         return self.xy.nbytes + self.vectors.nbytes
 
 
-def detect_sift(pixels: RGBPixels) -> Points:
-    """SIFT with the paper's parameters, at pixel-exact positions.
+def sift(contrast_threshold: float = PAPER_CONTRAST, most: int = 0) -> Any:
+    """OpenCV's SIFT with the paper's other parameters, at pixel-exact positions.
 
     OpenCV's default shifts every keypoint by a quarter of a pixel when it doubles the image; its
     `enable_precise_upscale` does not.
+
+    Args:
+        contrast_threshold: lower finds more points.
+        most: keep only so many, of the highest contrast; 0: all.
     """
-    sift = cv2.SIFT_create(
-        nfeatures=0,
+    return cv2.SIFT_create(
+        nfeatures=most,
         nOctaveLayers=3,
-        contrastThreshold=0.04,
+        contrastThreshold=contrast_threshold,
         edgeThreshold=10,
         sigma=1.6,
         enable_precise_upscale=True,
     )
-    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-    keypoints, vectors = sift.detectAndCompute(grey, None)
+
+
+def detect(pixels: RGBPixels, detector: Any) -> Points:
+    """The points that an OpenCV detector finds.
+
+    Args:
+        pixels: the image.
+        detector: a `cv2.Feature2D`. Bits of binary descriptors become the numbers 0 and 1, so
+            that the squared Euclidean distance of two descriptors is their Hamming distance.
+    """
+    keypoints, vectors = detector.detectAndCompute(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), None)
     if not keypoints:
-        return Points(np.empty((0, 2)), np.empty((0, 128), np.float32))
+        binary = detector.descriptorType() == cv2.CV_8U
+        size = detector.descriptorSize() * (8 if binary else 1)
+        return Points(np.empty((0, 2)), np.empty((0, size), np.float32))
+    if vectors.dtype == np.uint8:
+        vectors = np.unpackbits(vectors, axis=1)
     xy = np.array([keypoint.pt for keypoint in keypoints], np.float64)
     return Points(xy, np.asarray(vectors, np.float32))
+
+
+def detect_sift(pixels: RGBPixels, contrast_threshold: float = PAPER_CONTRAST) -> Points:
+    """SIFT with the paper's parameters, apart from the contrast threshold."""
+    return detect(pixels, sift(contrast_threshold))
+
+
+def root_sift(points: Points) -> Points:
+    """RootSIFT (Arandjelovic and Zisserman, CVPR 2012): roots of descriptors that sum to 1.
+
+    Their Euclidean distance is the Hellinger distance of the descriptors. Each has unit length.
+    """
+    total = points.vectors.sum(axis=1, keepdims=True)
+    return Points(points.xy, np.sqrt(points.vectors / np.maximum(total, 1)))
 
 
 def negative_squared_distance(far: Vectors, near: Vectors) -> NDArray[np.float32]:
@@ -62,6 +97,69 @@ def negative_squared_distance(far: Vectors, near: Vectors) -> NDArray[np.float32
 def match_points(far: Points, near: Points) -> IndexPairs:
     """Mutual nearest neighbours by Euclidean distance among all points."""
     return mutual_nearest(far.vectors, near.vectors, negative_squared_distance)
+
+
+def match_points_by_ratio(
+    far: Points, near: Points, ratio: float, *, apart: float | None = None
+) -> IndexPairs:
+    """Mutual nearest neighbours that pass the ratio test (Lowe, 2004) in both directions.
+
+    A pair passes where its Euclidean distance is below `ratio` times the distance from its far
+    point to the second nearest near point, and below `ratio` times the distance from its near
+    point to the second nearest far point. Without a second point there is nothing to fail by.
+
+    Args:
+        far: points of the far image.
+        near: points of the near image.
+        ratio: between 0 and 1; for binary descriptors the root of the ratio of Hamming distances.
+        apart: second nearest counts only what is farther than so many pixels from the nearest
+            (Mishkin, Matas and Perdoch, 2015), for detectors that find one point several times.
+
+    Returns:
+        (K, 2) indices, sorted by the far index.
+    """
+    pairs = match_points(far, near)
+    far_index, near_index = pairs.T
+    distance = np.square(far.vectors[far_index] - near.vectors[near_index]).sum(axis=1)
+    passed = np.ones(len(pairs), np.bool_)
+    for own, other, here, there in (
+        (far, near, far_index, near_index),
+        (near, far, near_index, far_index),
+    ):
+        second = -second_similarity(
+            own.vectors[here],
+            other.vectors,
+            there,
+            negative_squared_distance,
+            None if apart is None else other.xy,
+            apart or 0.0,
+        )
+        passed &= distance < ratio**2 * second
+    return pairs[passed]
+
+
+def one_match_per_cell(far: Points, near: Points, pairs: IndexPairs, size: float) -> IndexPairs:
+    """Of the matches that share a far cell, then of those that share a near cell, the nearest.
+
+    Nearest is the one whose descriptors have the least Euclidean distance.
+
+    Args:
+        far: points of the far image.
+        near: points of the near image.
+        pairs: (K, 2) matches.
+        size: side of a square cell in pixels.
+
+    Returns:
+        (L, 2) the matches that are kept, sorted.
+    """
+    far_index, near_index = pairs.T
+    distance = np.square(far.vectors[far_index] - near.vectors[near_index]).sum(axis=1)
+    pairs = pairs[np.argsort(distance, kind="stable")]
+    for side, points in enumerate((far, near)):
+        cells = np.floor(points.xy[pairs[:, side]] / size)
+        _, first = np.unique(cells, axis=0, return_index=True)
+        pairs = pairs[np.sort(first)]
+    return pairs[np.lexsort(pairs.T[::-1])]
 
 
 def match_points_in_boxes(

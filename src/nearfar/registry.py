@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Factory = Callable[[str, Settings], T]
 
+EXTERNAL = "python:"
+"""Begins the name of a method that is not a plug-in but a function of the user."""
+
 
 class Registry(Generic[T]):
     """The plug-ins of one kind.
@@ -78,7 +81,19 @@ class Registry(Generic[T]):
         self._imported = True
 
 
-METHODS: "Registry[Method[Any]]" = Registry("method", "nearfar.methods")
+class MethodRegistry(Registry["Method[Any]"]):
+    """The methods, and any function that matches points: `python:module.function`."""
+
+    def create(self, name: str, settings: Settings) -> "Method[Any]":
+        """See `Registry.create` and `nearfar.external`."""
+        if name.startswith(EXTERNAL):
+            from nearfar.external import ExternalMethod
+
+            return ExternalMethod(name.removeprefix(EXTERNAL), settings)
+        return super().create(name, settings)
+
+
+METHODS = MethodRegistry("method", "nearfar.methods")
 PROPOSERS: "Registry[Proposer]" = Registry("proposer", "nearfar.proposals")
 DESCRIPTORS: "Registry[Descriptor]" = Registry("descriptor", "nearfar.descriptors")
 ESTIMATORS: "Registry[Estimator]" = Registry("estimator", "nearfar.estimators")

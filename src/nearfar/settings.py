@@ -102,6 +102,9 @@ class Settings:
                 f"proposal_mode must be single, fast or quality, not {self.proposal_mode!r}"
             )
 
+    def __hash__(self) -> int:
+        return hash(repr(self))
+
     def replace(self, **options: Any) -> "Settings":
         """A copy with some values changed.
 

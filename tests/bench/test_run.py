@@ -8,7 +8,8 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.run import read_rows, run
+from nearfar.bench.rows import read_rows
+from nearfar.bench.run import run
 from nearfar.bench.tables import success_table, time_table
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import transform

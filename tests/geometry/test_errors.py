@@ -11,9 +11,11 @@ from nearfar.geometry.errors import (
     direction_angle,
     published_symmetric_transfer_error,
     rotation_angle,
+    rotation_error,
     symmetric_epipolar_distances,
     symmetric_transfer_error,
     transfer_errors,
+    translation_error,
 )
 from nearfar.geometry.homography import transform
 from tests.scenes import SIZE, random_homography, two_views
@@ -83,3 +85,28 @@ def test_direction_angle_ignores_length(degrees: float, length: float) -> None:
 
 def test_direction_of_no_translation_is_undefined() -> None:
     assert np.isnan(direction_angle(np.zeros(3), np.ones(3)))
+
+
+@given(seeds, seeds)
+def test_rotation_error_is_one_minus_the_product_of_quaternions(first: int, second: int) -> None:
+    rotations = [Rotation.random(random_state=seed % 2**31) for seed in (first, second)]
+    q, q_true = (rotation.as_quat() for rotation in rotations)
+    expected = 1 - abs(q @ q_true)
+    found = rotation_error(*(rotation.as_matrix() for rotation in rotations))
+    assert found == pytest.approx(expected, abs=1e-9)
+    # The sign of a quaternion means nothing.
+    assert 1 - abs(-q @ q_true) == pytest.approx(found, abs=1e-9)
+    assert 0 <= found <= 1
+
+
+@given(st.floats(0.01, 100))
+def test_translation_error_is_bounded_symmetric_and_zero_at_the_truth(length: float) -> None:
+    truth = np.array([0, 0, length])
+    assert translation_error(truth, truth) == 0
+    other = np.array([1.0, 2, -3])
+    assert 0 <= translation_error(other, truth) <= 1
+    assert translation_error(other, truth) == pytest.approx(translation_error(truth, other))
+
+
+def test_a_perfect_direction_of_unit_length_at_five_metres() -> None:
+    assert translation_error(np.array([0, 0, 1.0]), np.array([0, 0, 5.0])) == pytest.approx(4 / 6)

@@ -10,6 +10,19 @@ from nearfar.geometry.pose import RelativePose
 from nearfar.intrinsics import Intrinsics
 
 
+@dataclass(frozen=True)
+class Stereo:
+    """The right camera beside the far one, rectified to it.
+
+    Attributes:
+        right: path of its image.
+        baseline: distance between both cameras in metres.
+    """
+
+    right: Path
+    baseline: float
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """A pair of images with its ground truth, in pixels of the original images.
@@ -25,6 +38,7 @@ class Case:
         near_points: (N, 2) the corresponding points of the near image.
         pose: the true pose in metres; None unless the model is a pose.
         intrinsics: of both cameras; None unless the model is a pose.
+        stereo: the right camera beside the far one; None where there is none.
         tags: what else a result is told apart or grouped by, e.g. {"factor": 4}.
     """
 
@@ -38,4 +52,5 @@ class Case:
     near_points: Coordinates
     pose: RelativePose | None = None
     intrinsics: Intrinsics | None = None
+    stereo: Stereo | None = None
     tags: Mapping[str, str | float] = field(default_factory=dict)

@@ -1,17 +1,23 @@
 """Errors of one localization against the truth of its case."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 
+from nearfar.arrays import Matrix3
 from nearfar.bench.cases import Case
+from nearfar.bench.stereo import metric_scale
 from nearfar.geometry.errors import (
+    PAPER_FAILURE_STE,
     direction_angle,
+    published_symmetric_transfer_error,
     rotation_angle,
+    rotation_error,
     symmetric_epipolar_distances,
+    symmetric_transfer_error,
     transfer_errors,
+    translation_error,
 )
 from nearfar.geometry.homography import footprint
 from nearfar.geometry.pose import RelativePose
@@ -21,55 +27,102 @@ STRICT_PX, LOOSE_EPIPOLAR_PX = 3.0, 6.0
 LOOSE_SHARE = 0.1
 """Loose success of a homography: error below this share of the true footprint's diagonal."""
 STRICT_DEGREES = 5.0
+PAPER_POINTS = 10
+"""Points that the paper's symmetric transfer error sums up."""
+
+Columns = dict[str, float | bool | None]
 
 
 @dataclass(frozen=True)
-class Errors:
-    """How far an answer is from the truth; infinite where there is no answer.
+class HomographyErrors:
+    """Errors of a homography at the true points, in pixels of the original images.
 
     Attributes:
-        error: mean transfer error from near to far at the true points (homography) or mean
-            symmetric epipolar distance of the true points (fundamental matrix), in pixels of the
-            original images; larger of the angles of rotation and of translation, in degrees (pose).
-        strict: success: below 3 pixels, or 5 degrees.
-        loose: the same, below 10 % of the diagonal of the true footprint but at least 3 pixels
-            (homography), below 6 pixels (fundamental matrix); as strict for a pose.
-        rotation_error: in degrees; None unless the model is a pose.
-        translation_error: of the direction, in degrees; None unless the model is a pose.
+        error: mean transfer error from near to far.
+        strict: success: the error is below 3 pixels.
+        loose: the error is below 10 % of the true footprint's diagonal, but at least 3 pixels.
+        median_error: median transfer error from near to far.
+        ste: symmetric transfer error, a sum over the points scaled to 10 of them; the paper's
+            value for a failure where there is no homography.
+        ste_published: the same without the homogeneous division, as in the authors' code.
     """
 
-    error: float
-    strict: bool
-    loose: bool
-    rotation_error: float | None = None
-    translation_error: float | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """The errors for JSON: an infinite or undefined error is None."""
-        return {
-            name: None if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in asdict(self).items()
-        }
+    error: float = np.inf
+    strict: bool = False
+    loose: bool = False
+    median_error: float = np.inf
+    ste: float = PAPER_FAILURE_STE
+    ste_published: float = PAPER_FAILURE_STE
 
 
-def evaluate(case: Case, found: Localization) -> Errors:
+@dataclass(frozen=True)
+class EpipolarErrors:
+    """Errors of a fundamental matrix at the true points, in pixels of the original images.
+
+    Attributes:
+        error: mean symmetric epipolar distance.
+        strict: success: the error is below 3 pixels.
+        loose: the error is below 6 pixels.
+        median_error: median symmetric epipolar distance.
+    """
+
+    error: float = np.inf
+    strict: bool = False
+    loose: bool = False
+    median_error: float = np.inf
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Errors of a relative pose; the paper's are 1 where there is no pose.
+
+    Attributes:
+        error: the larger of both angles, in degrees.
+        strict: success: the error is below 5 degrees.
+        loose: the same.
+        rotation_degrees: angle between the rotations.
+        translation_degrees: angle between the directions of translation.
+        r_err: the paper's error of the rotation.
+        t_err_unit: the paper's error of the translation, with the unit length of the estimate.
+        t_err_length: the same with the true length, so that only the direction counts.
+        t_err_stereo: the same with the length from stereo; None without a right image.
+    """
+
+    error: float = np.inf
+    strict: bool = False
+    loose: bool = False
+    rotation_degrees: float = np.inf
+    translation_degrees: float = np.inf
+    r_err: float = 1.0
+    t_err_unit: float = 1.0
+    t_err_length: float = 1.0
+    t_err_stereo: float | None = None
+
+
+def evaluate(case: Case, found: Localization) -> Columns:
     """Compare a localization with the truth."""
-    if found.far_from_near is None:
-        return Errors(np.inf, False, False)
-    if isinstance(found.far_from_near, RelativePose):
-        return _pose_errors(case, found.far_from_near)
+    model = found.far_from_near
+    if model is None:
+        return failure_columns(case)
+    if isinstance(model, RelativePose):
+        return _columns(_pose_errors(case, model, found))
     if case.model == "homography":
-        errors = transfer_errors(found.far_from_near, case.far_points, case.near_points)
-        loose = max(
-            STRICT_PX, LOOSE_SHARE * true_diagonal(case, found.near.width, found.near.height)
+        size = (found.near.width, found.near.height)
+        return _columns(_homography_errors(case, model, size))
+    distances = symmetric_epipolar_distances(model, case.far_points, case.near_points)
+    error = float(distances.mean())
+    return _columns(
+        EpipolarErrors(
+            error, error < STRICT_PX, error < LOOSE_EPIPOLAR_PX, float(np.median(distances))
         )
-    else:
-        errors = symmetric_epipolar_distances(
-            found.far_from_near, case.far_points, case.near_points
-        )
-        loose = LOOSE_EPIPOLAR_PX
-    error = float(errors.mean())
-    return Errors(error, error < STRICT_PX, error < loose)
+    )
+
+
+def failure_columns(case: Case) -> Columns:
+    """The errors of a case without an answer."""
+    if case.model == "pose":
+        return _columns(PoseErrors(t_err_stereo=None if case.stereo is None else 1.0))
+    return _columns(HomographyErrors() if case.model == "homography" else EpipolarErrors())
 
 
 def true_diagonal(case: Case, near_width: int, near_height: int) -> float:
@@ -85,11 +138,54 @@ def true_diagonal(case: Case, near_width: int, near_height: int) -> float:
     return float(np.linalg.norm(corners[[0, 1]] - corners[[2, 3]], axis=1).mean())
 
 
-def _pose_errors(case: Case, found: RelativePose) -> Errors:
+def _homography_errors(
+    case: Case, homography: Matrix3, near_size: tuple[int, int]
+) -> HomographyErrors:
+    distances = transfer_errors(homography, case.far_points, case.near_points)
+    error = float(distances.mean())
+    to_ten_points = PAPER_POINTS / len(case.far_points)
+    ste = symmetric_transfer_error(homography, case.far_points, case.near_points)
+    published = published_symmetric_transfer_error(homography, case.far_points, case.near_points)
+    return HomographyErrors(
+        error=error,
+        strict=error < STRICT_PX,
+        loose=error < max(STRICT_PX, LOOSE_SHARE * true_diagonal(case, *near_size)),
+        median_error=float(np.median(distances)),
+        ste=ste * to_ten_points,
+        ste_published=published * to_ten_points,
+    )
+
+
+def _pose_errors(case: Case, pose: RelativePose, found: Localization) -> PoseErrors:
     if case.pose is None:
         raise ValueError(f"case {case.name} has no true pose")
-    rotation = rotation_angle(found.rotation, case.pose.rotation)
-    translation = direction_angle(found.translation, case.pose.translation)
-    error = max(rotation, translation)
-    success = error < STRICT_DEGREES
-    return Errors(error, success, success, rotation, translation)
+    true_translation = case.pose.translation
+    rotation = rotation_angle(pose.rotation, case.pose.rotation)
+    direction = direction_angle(pose.translation, true_translation)
+    error = max(rotation, direction)
+    length = np.linalg.norm(true_translation)
+    stereo = None
+    if case.stereo is not None:
+        scale = metric_scale(pose, found, case)
+        stereo = (
+            1.0 if scale is None else translation_error(scale * pose.translation, true_translation)
+        )
+    return PoseErrors(
+        error=error,
+        strict=error < STRICT_DEGREES,
+        loose=error < STRICT_DEGREES,
+        rotation_degrees=rotation,
+        translation_degrees=direction,
+        r_err=rotation_error(pose.rotation, case.pose.rotation),
+        t_err_unit=translation_error(pose.translation, true_translation),
+        t_err_length=translation_error(length * pose.translation, true_translation),
+        t_err_stereo=stereo,
+    )
+
+
+def _columns(errors: HomographyErrors | EpipolarErrors | PoseErrors) -> Columns:
+    """Columns of a row: what is not finite has no value in JSON."""
+    return {
+        name: None if isinstance(value, float) and not np.isfinite(value) else value
+        for name, value in asdict(errors).items()
+    }

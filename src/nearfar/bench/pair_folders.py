@@ -1,4 +1,4 @@
-"""Image pairs with corresponding points, each described by a `pair.json`."""
+"""Image pairs with corresponding points, in three layouts."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from nearfar.arrays import Coordinates
 from nearfar.bench.cases import Case
+from nearfar.bench.montreal import find_montreal_pairs
+from nearfar.bench.sequences import find_sequence_pairs
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.scale import scale_change
 
@@ -15,19 +18,24 @@ def find_pairs(folder: Path) -> list[Case]:
     """All pairs in a folder and its subfolders, sorted by name.
 
     Raises:
-        BenchmarkError: there are none, or a `pair.json` is malformed.
+        BenchmarkError: there are none, or a description is malformed.
     """
-    files = sorted(folder.rglob("pair.json"))
-    if not files:
-        raise BenchmarkError(f"there is no pair.json in {folder} or its subfolders")
-    return [_read_pair(file, folder) for file in files]
+    if not folder.is_dir():
+        raise BenchmarkError(f"{folder} is not a folder")
+    described = [_read_pair(file, folder) for file in sorted(folder.rglob("pair.json"))]
+    cases = [*described, *find_montreal_pairs(folder), *find_sequence_pairs(folder)]
+    if not cases:
+        raise BenchmarkError(
+            f"there are no pairs in {folder} or its subfolders: no pair.json, no A_to_B.yaml, "
+            f"no H1to2p or H_1_2"
+        )
+    return sorted(cases, key=lambda case: case.name)
 
 
 def _read_pair(file: Path, folder: Path) -> Case:
     try:
         content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        far_points = np.array(content["far_points"], np.float64).reshape(-1, 2)
-        near_points = np.array(content["near_points"], np.float64).reshape(-1, 2)
+        far_points, near_points = _points(content["far_points"]), _points(content["near_points"])
         far, near, model = content["far"], content["near"], content["model"]
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise BenchmarkError(f"{file} is not a valid pair: {error!r}") from error
@@ -46,4 +54,9 @@ def _read_pair(file: Path, folder: Path) -> Case:
         scale_change=scale_change(far_points, near_points),
         far_points=far_points,
         near_points=near_points,
+        tags={"licence": str(content.get("licence", "not stated"))},
     )
+
+
+def _points(values: Any) -> Coordinates:
+    return np.array(values, np.float64).reshape(-1, 2)

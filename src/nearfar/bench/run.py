@@ -1,117 +1,123 @@
-"""Running methods over cases; results are appended line by line, so that a run can resume."""
+"""Running methods over cases, in parallel, so that nothing already computed is lost."""
 
-import dataclasses
-import hashlib
-import json
-import os
+import functools
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
+from nearfar.bench.case_row import identity, localized_row
 from nearfar.bench.cases import Case
-from nearfar.bench.evaluate import Errors, evaluate
-from nearfar.errors import NearfarError
+from nearfar.bench.evaluate import failure_columns
+from nearfar.bench.feature_store import FeatureStore
+from nearfar.bench.rows import Row, RowFile, read_rows, record_run, settings_key
+from nearfar.bench.workers import Workers
 from nearfar.localizer import Localizer
 from nearfar.settings import Settings
 
-Row = dict[str, Any]
-"""One line of a result file."""
 
-_KEPT = (
-    "status",
-    "reason",
-    "far_from_near",
-    "descriptor",
-    "inliers",
-    "matches",
-    "landmark_matches",
-    "scale_change",
-    "seconds",
-)
+@dataclass(frozen=True)
+class Task:
+    """One case and one method.
 
+    Attributes:
+        case: the case.
+        settings: the method and its settings.
+        key: hash of the settings.
+        descriptor: name of the landmark descriptor; None for a method without landmarks.
+        features: folder of the feature store; None keeps features in memory alone.
+    """
 
-def settings_key(settings: Settings) -> str:
-    """A short hash of everything that can change a result."""
-    content = dataclasses.asdict(settings)
-    content["weights"] = {
-        name: hashlib.sha256(Path(file).read_bytes()).hexdigest()
-        for name, file in sorted(settings.weights.items())
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:12]
+    case: Case
+    settings: Settings
+    key: str
+    descriptor: str | None
+    features: Path | None
 
 
-def read_rows(file: Path) -> list[Row]:
-    """The complete rows of a result file; a last line cut short by a crash is left out."""
-    if not file.exists():
-        return []
-    lines = file.read_text(encoding="utf-8").split("\n")[:-1]
-    return [json.loads(line) for line in lines if line]
-
-
-def run(cases: Sequence[Case], settings: Sequence[Settings], file: Path) -> list[Row]:
+def run(
+    cases: Sequence[Case],
+    settings: Sequence[Settings],
+    file: Path,
+    *,
+    workers: Workers | None = None,
+    features: Path | None = None,
+) -> list[Row]:
     """Localize every case with every setting, skipping what the result file holds already.
 
-    A case that raises an error is recorded with its message, and the run goes on.
+    A case that raises an error, or kills its worker, is recorded with the reason, and the run goes
+    on. Results are the same for any number of workers, times aside.
 
     Args:
         cases: the cases.
         settings: one for each method to compare.
-        file: JSON Lines, one line a case and setting; made where missing.
+        file: JSON Lines, one line a case and setting; made where missing. `run.json` beside it
+            tells the settings and the environment.
+        workers: where the work is done; None: this process.
+        features: folder in which features of images are kept between processes and runs.
 
     Returns:
         All rows of these cases and settings.
+
+    Raises:
+        OSError: a result cannot be written; those before it are kept.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
     rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
-    wanted = {(case.name, settings_key(each)) for case in cases for each in settings}
-    with (
-        file.open("a+b") as out,
-        Progress(disable=not sys.stderr.isatty(), console=Console(stderr=True)) as progress,
-    ):
-        _drop_partial_line(out)
-        for each in settings:
-            key = settings_key(each)
-            localizer = Localizer(each)
-            todo = [case for case in cases if (case.name, key) not in rows]
-            for case in progress.track(todo, description=f"{each.method} {each.descriptor}"):
-                row = _row(case, localizer, key)
-                out.write(json.dumps(row, allow_nan=False).encode() + b"\n")
-                out.flush()
-                os.fsync(out.fileno())
-                rows[case.name, key] = row
-    return [row for identity, row in rows.items() if identity in wanted]
+    wanted = []
+    for each in settings:
+        key, descriptor = settings_key(each), Localizer(each).descriptor
+        wanted += [Task(case, each, key, descriptor, features) for case in cases]
+    todo = [task for task in wanted if (task.case.name, task.key) not in rows]
+    with RowFile(file) as out:
+        record_run(file.parent, settings)
+        for row in _with_progress(
+            (workers or Workers()).run(localize_case, todo, _died), len(todo)
+        ):
+            out.append(row)
+            rows[row["case"], row["settings"]] = row
+    return [rows[task.case.name, task.key] for task in wanted]
 
 
-def _drop_partial_line(out: Any) -> None:
-    """Cut off what a crash left of a last line."""
-    out.seek(0)
-    out.truncate(out.read().rfind(b"\n") + 1)
+def localize_case(task: Task) -> Row:
+    """Localize one case and compare with its truth."""
+    return localized_row(task.case, _localizer(task.settings, task.features), task.key)
 
 
-def _row(case: Case, localizer: Localizer, key: str) -> Row:
-    settings = localizer.settings
-    row: Row = {
-        "case": case.name,
-        "group": case.group,
-        "tags": dict(case.tags),
-        "far": str(case.far),
-        "near": str(case.near),
-        "model": case.model,
-        "true_scale_change": case.scale_change,
-        "method": settings.method,
-        "settings": key,
-    }
-    try:
-        found = localizer.localize(
-            case.far, case.near, model=case.model, intrinsics=case.intrinsics
-        )
-    except NearfarError as error:
-        failed = Errors(float("inf"), False, False).to_dict()
-        return row | {"status": "error", "reason": str(error)} | failed
-    answer = found.to_dict()
-    row |= {name: answer[name] for name in _KEPT}
-    return row | evaluate(case, found).to_dict()
+def _died(task: Task) -> Row:
+    """The row of a case that killed its worker."""
+    row = identity(task.case, task.settings, task.key, task.descriptor)
+    reason = "the process that localized it died"
+    return row | {"status": "error", "reason": reason} | failure_columns(task.case)
+
+
+@functools.lru_cache(maxsize=1)
+def _localizer(settings: Settings, features: Path | None) -> Localizer:
+    """The localizer of this process."""
+    return Localizer(settings, store=None if features is None else FeatureStore(features))
+
+
+def _with_progress(rows: Iterable[Row], total: int) -> Iterator[Row]:
+    """The rows, with a bar on a terminal that shows rate and time left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as progress:
+        bar = progress.add_task("pairs", total=total)
+        for row in rows:
+            yield row
+            progress.update(bar, advance=1, description=row["method"])

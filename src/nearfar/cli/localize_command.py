@@ -8,7 +8,7 @@ from rich.console import Console
 
 from nearfar.cli.options import Flag, SettingsOptions, WeightOptions, with_weights
 from nearfar.cli.status import FAILED
-from nearfar.estimators import ModelKind
+from nearfar.estimators import MODEL_NAMES, ModelKind
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.settings import Settings
@@ -50,8 +50,9 @@ def localize_command(
 
 def _text(found: Localization, saved: list[Path]) -> str:
     inliers = int(found.points.inliers.sum())
+    agreement = f"{inliers} of {len(found.points)} point matches agree on a "
     lines = [
-        f"{found.status}: {inliers} of {len(found.points)} point matches agree on a {found.model}"
+        f"localized: {agreement}{MODEL_NAMES[found.model]}"
         if found.localized
         else f"failed: {found.reason}"
     ]

@@ -1,15 +1,24 @@
 """Estimators: point matches -> model. One module an estimator."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.geometry.degeneracy import distinct_matches, finite_rows
 from nearfar.geometry.pose import RelativePose
 
 ModelKind = Literal["homography", "fundamental", "pose"]
 MODEL_KINDS: tuple[ModelKind, ...] = ("homography", "fundamental", "pose")
+MODEL_NAMES = {
+    "homography": "homography",
+    "fundamental": "fundamental matrix",
+    "pose": "relative pose",
+}
+"""What each kind is called in messages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +45,63 @@ class Estimate:
         far_from_near: homography or fundamental matrix (x_farᵀ F x_near = 0) in pixels of the
             working images, or relative pose; None where nothing was found.
         inliers: (N,) the matches that agree with it.
+        threshold: largest reprojection error or epipolar distance of an inlier, in pixels.
         reason: why there is no model; None where there is one.
     """
 
     far_from_near: Matrix3 | RelativePose | None
     inliers: Mask
+    threshold: float
     reason: str | None = None
 
 
-def failure(matches: int, reason: str) -> Estimate:
+def failure(matches: int, threshold: float, reason: str) -> Estimate:
     """The estimate that found nothing among so many matches."""
-    return Estimate(None, np.zeros(matches, np.bool_), reason)
+    return Estimate(None, np.zeros(matches, np.bool_), threshold, reason)
+
+
+LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
+
+Fit = Callable[[Coordinates, Coordinates], tuple[Matrix3 | RelativePose, Mask] | None]
+"""Far and near points, all finite -> model and inliers, or None where there is no model."""
+
+
+def fit_guarded(
+    far: Coordinates, near: Coordinates, task: Task, threshold: float, fit: Fit, seed: int = 0
+) -> Estimate:
+    """What every estimator does around its own fit, so that no input makes it fail.
+
+    Matches that are not finite are left out, and so few that they do not determine the model are
+    refused. The others reach `fit` in an order drawn with the seed.
+
+    Args:
+        far: (N, 2) far points.
+        near: (N, 2) near points.
+        task: the kind of model.
+        threshold: largest error of an inlier, in pixels.
+        fit: the estimator's own part.
+        seed: seed of the order.
+    """
+    finite = finite_rows(far, near)
+    name = MODEL_NAMES[task.model]
+    least = LEAST_MATCHES[task.model]
+    distinct = distinct_matches(far[finite], near[finite])
+    if distinct < least:
+        reason = f"a {name} needs {least} different point matches, found {distinct}"
+        return failure(len(far), threshold, reason)
+    order = np.random.default_rng(seed).permutation(finite)
+    try:
+        found = fit(far[order], near[order])
+    except cv2.error as error:
+        reason = f"OpenCV could not estimate a {name}: {error.err}"
+        return failure(len(far), threshold, reason)
+    if found is None:
+        reason = f"no {name} agrees with the {len(finite)} point matches"
+        return failure(len(far), threshold, reason)
+    model, inliers = found
+    mask = np.zeros(len(far), np.bool_)
+    mask[order] = inliers
+    return Estimate(model, mask, threshold)
 
 
 class Estimator(Protocol):

@@ -5,7 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.estimators import Estimate, Task, failure
+from nearfar.estimators import LEAST_MATCHES, Estimate, Task, fit_guarded
+from nearfar.geometry.degeneracy import determines_homography, is_model
 from nearfar.geometry.homography import normalized
 from nearfar.geometry.pose import RelativePose
 from nearfar.registry import ESTIMATORS
@@ -14,7 +15,6 @@ from nearfar.settings import Settings
 CONFIDENCE = 0.995
 MAX_ITERATIONS = 2000
 """OpenCV's defaults for a homography, used for every model."""
-LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
 
 FARTHEST = 1e6
 """Points farther away than so many baselines do not count as in front of the cameras."""
@@ -33,24 +33,15 @@ class Ransac:
 
     def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
         """See `Estimator.estimate`."""
-        finite = np.flatnonzero(np.isfinite(far).all(axis=1) & np.isfinite(near).all(axis=1))
-        least = LEAST_MATCHES[task.model]
-        distinct = min(len(np.unique(xy[finite], axis=0)) for xy in (far, near))
-        if distinct < least:
-            return failure(
-                len(far), f"a {task.model} needs {least} different point matches, found {distinct}"
-            )
-        order = np.random.default_rng(self._settings.seed).permutation(finite)
-        try:
-            found = self._fit(far[order], near[order], task)
-        except cv2.error as error:
-            return failure(len(far), f"OpenCV could not estimate a {task.model}: {error.err}")
-        if found is None:
-            return failure(len(far), f"no {task.model} agrees with the {len(finite)} point matches")
-        model, inliers = found
-        mask = np.zeros(len(far), np.bool_)
-        mask[order] = inliers
-        return Estimate(model, mask)
+        settings = self._settings
+        return fit_guarded(
+            far,
+            near,
+            task,
+            settings.inlier_threshold,
+            lambda far, near: self._fit(far, near, task),
+            settings.seed,
+        )
 
     def _fit(
         self, far: Coordinates, near: Coordinates, task: Task
@@ -66,29 +57,15 @@ class Ransac:
 def _fit_homography(
     far: Coordinates, near: Coordinates, threshold: float
 ) -> tuple[Matrix3, Mask] | None:
-    """A homography and its inliers.
-
-    None also where the inliers span less than the threshold, so that any transform to about one
-    point would explain them, or where they lie on one line.
-    """
     matrix, mask = cv2.findHomography(
         near, far, cv2.RANSAC, threshold, maxIters=MAX_ITERATIONS, confidence=CONFIDENCE
     )
-    if not _valid(matrix) or np.linalg.cond(matrix) > 1 / np.finfo(np.float64).eps:
+    if not is_model(matrix):
         return None
     inliers = np.asarray(mask, np.bool_).ravel()
-    if inliers.sum() < LEAST_MATCHES["homography"]:
-        return None
-    far, near = far[inliers], near[inliers]
-    if np.ptp(far, axis=0).max() < 2 * threshold or _collinear(far) or _collinear(near):
+    if not determines_homography(matrix, far, near, inliers, threshold):
         return None
     return normalized(matrix), inliers
-
-
-def _collinear(xy: Coordinates) -> bool:
-    """Whether all points lie within a tenth of a pixel (root mean square) of one line."""
-    across = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[-1]
-    return bool(across < 0.1 * np.sqrt(len(xy)))
 
 
 def _fit_fundamental(
@@ -97,7 +74,7 @@ def _fit_fundamental(
     matrix, mask = cv2.findFundamentalMat(
         near, far, cv2.FM_RANSAC, threshold, CONFIDENCE, MAX_ITERATIONS
     )
-    if not _valid(matrix):
+    if not is_model(matrix):
         return None
     inliers = np.asarray(mask, np.bool_).ravel()
     if inliers.sum() < LEAST_MATCHES["fundamental"]:
@@ -121,7 +98,7 @@ def _fit_pose(
         2 * threshold / (far_focal + near_focal),
         MAX_ITERATIONS,
     )
-    if not _valid(essential):
+    if not is_model(essential):
         return None
     inliers = np.asarray(mask, np.bool_).ravel()
     if inliers.sum() < LEAST_MATCHES["pose"]:
@@ -138,8 +115,3 @@ def _normalized_rays(xy: Coordinates, intrinsics: Matrix3) -> tuple[NDArray[np.f
     """Coordinates of a camera of focal length 1, and the mean focal length that was divided by."""
     focal = intrinsics[[0, 1], [0, 1]]
     return (xy - intrinsics[:2, 2]) / focal, float(focal.mean())
-
-
-def _valid(matrix: NDArray[np.float64] | None) -> bool:
-    """Whether OpenCV returned one finite 3x3 matrix: it also returns None, and 3kx3 stacks."""
-    return matrix is not None and matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())

@@ -4,6 +4,8 @@ Homographies map near pixels to far pixels; fundamental matrices satisfy x_faráµ
 take near-camera coordinates to far-camera coordinates. Points are (N, 2) pixels.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,3 +72,15 @@ def direction_angle(translation: NDArray[np.float64], truth: NDArray[np.float64]
     if not (translation.any() and truth.any()):
         return float("nan")
     return float(np.degrees(np.arctan2(cross, translation @ truth)))
+
+
+def rotation_error(rotation: Matrix3, truth: Matrix3) -> float:
+    """r_err of the paper (section IV): 1 - |q . q'| of the two unit quaternions; in [0, 1]."""
+    # The product of two unit quaternions is the cosine of half the angle between the rotations.
+    return 1 - math.cos(math.radians(rotation_angle(rotation, truth)) / 2)
+
+
+def translation_error(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
+    """t_err of the paper (section IV): |t - t'| / (|t| + |t'|); in [0, 1], 0 for two zeros."""
+    total = np.linalg.norm(translation) + np.linalg.norm(truth)
+    return float(np.linalg.norm(translation - truth) / total) if total > 0 else 0.0

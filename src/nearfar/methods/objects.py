@@ -2,9 +2,15 @@
 
 from nearfar.arrays import RGBPixels
 from nearfar.estimators import Task
-from nearfar.landmarks import Landmarks, centres, match_landmarks
+from nearfar.landmarks import (
+    LandmarkLayers,
+    centres,
+    describe_landmarks,
+    landmark_descriptors,
+    match_layers,
+)
 from nearfar.methods import Answer
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
@@ -17,20 +23,22 @@ class Objects:
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._proposer = PROPOSERS.create(settings.proposer, settings)
-        self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)
+        self._descriptors = landmark_descriptors(settings)
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
-    def extract(self, pixels: RGBPixels, timer: StageTimer) -> Landmarks:
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
         """See `Method.extract`."""
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("descriptors"):
-            return Landmarks(boxes, self._descriptor.describe(pixels, boxes))
+            return describe_landmarks(pixels, boxes, self._descriptors)
 
-    def localize(self, far: Landmarks, near: Landmarks, task: Task, timer: StageTimer) -> Answer:
+    def localize(
+        self, far: LandmarkLayers, near: LandmarkLayers, task: Task, timer: StageTimer
+    ) -> Answer:
         """See `Method.localize`."""
         with timer.stage("landmark matching"):
-            matches = match_landmarks(far, near)
+            matches = match_layers(far, near)
         far_xy, near_xy = centres(matches.far_boxes), centres(matches.near_boxes)
         with timer.stage("estimation"):
             estimate = self._estimator.estimate(far_xy, near_xy, task)

@@ -3,11 +3,18 @@
 from dataclasses import dataclass
 
 from nearfar.arrays import Coordinates, RGBPixels
-from nearfar.estimators import Task
-from nearfar.landmarks import LandmarkMatches, Landmarks, centres, match_landmarks
+from nearfar.estimators import Estimator, Task
+from nearfar.landmarks import (
+    LandmarkLayers,
+    LandmarkMatches,
+    centres,
+    describe_landmarks,
+    landmark_descriptors,
+    match_layers,
+)
 from nearfar.methods import Answer
 from nearfar.points import Points, detect_sift, match_points_in_boxes
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
@@ -19,7 +26,7 @@ LEAST_POINT_MATCHES = 5
 class PaperFeatures:
     """Landmarks and points of one image."""
 
-    landmarks: Landmarks
+    landmarks: LandmarkLayers
     points: Points
 
     @property
@@ -30,13 +37,17 @@ class PaperFeatures:
 
 @METHODS.register("paper")
 class Paper:
-    """Landmarks are matched first; SIFT points are matched only inside matched landmarks."""
+    """Landmarks are matched first; SIFT points are matched only inside matched landmarks.
+
+    Several descriptors, as in "resnet50-res3d@64+resnet50-res5c@224", give the union of their
+    landmark matches.
+    """
 
     uses_landmarks = True
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._proposer = PROPOSERS.create(settings.proposer, settings)
-        self._descriptor = DESCRIPTORS.create(settings.descriptor, settings)
+        self._descriptors = landmark_descriptors(settings)
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
@@ -44,22 +55,29 @@ class Paper:
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("descriptors"):
-            vectors = self._descriptor.describe(pixels, boxes)
+            landmarks = describe_landmarks(pixels, boxes, self._descriptors)
         with timer.stage("points"):
             points = detect_sift(pixels)
-        return PaperFeatures(Landmarks(boxes, vectors), points)
+        return PaperFeatures(landmarks, points)
 
     def localize(
         self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
     ) -> Answer:
         """Match landmarks, match the points inside them, and estimate the model by RANSAC."""
-        with timer.stage("landmark matching"):
-            landmarks = match_landmarks(far.landmarks, near.landmarks)
-        with timer.stage("point matching"):
-            far_xy, near_xy = _matches_in(landmarks, far.points, near.points)
-        with timer.stage("estimation"):
-            estimate = self._estimator.estimate(far_xy, near_xy, task)
-        return Answer(far_xy, near_xy, landmarks, estimate)
+        return match_and_estimate(far, near, task, self._estimator, timer)
+
+
+def match_and_estimate(
+    far: PaperFeatures, near: PaperFeatures, task: Task, estimator: Estimator, timer: StageTimer
+) -> Answer:
+    """The part of the method that needs both images; see `Method.localize`."""
+    with timer.stage("landmark matching"):
+        landmarks = match_layers(far.landmarks, near.landmarks)
+    with timer.stage("point matching"):
+        far_xy, near_xy = _matches_in(landmarks, far.points, near.points)
+    with timer.stage("estimation"):
+        estimate = estimator.estimate(far_xy, near_xy, task)
+    return Answer(far_xy, near_xy, landmarks, estimate)
 
 
 def _matches_in(

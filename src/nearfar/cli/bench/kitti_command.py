@@ -1,51 +1,71 @@
 """`nearfar bench kitti`."""
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
 from rich.console import Console
 
-from nearfar.bench.kitti import find_kitti_cases
-from nearfar.bench.run import run
-from nearfar.bench.tables import success_table, time_table
-from nearfar.cli.bench.options import (
-    ACCEPT_ALL,
-    Descriptors,
-    Methods,
-    SettingsOptions,
-    WeightOptions,
-    sampled,
-    variants,
-)
+from nearfar.bench.kitti import PairCounts, count_pairs, find_kitti_cases
+from nearfar.bench.kitti_plots import plot_kitti
+from nearfar.bench.kitti_summary import fit_table, step_table, table_two
+from nearfar.bench.tables import time_table
+from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases
+from nearfar.cli.options import Flag, SettingsOptions
+from nearfar.errors import SettingsError
+
+PAPER_PAIRS = 40_748
 
 
 def kitti_command(
     folder: Path,
     /,
     *,
-    out: Path,
-    sample: int = 0,
-    method: Methods = (),
-    descriptor: Descriptors = (),
-    weights: WeightOptions = (),
+    count_only: Flag = False,
+    sequence: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    options: RunOptions | None = None,
     settings: SettingsOptions = ACCEPT_ALL,
 ) -> None:
     """Estimate the relative poses of the paper's pairs of KITTI Odometry frames.
 
     FOLDER has the official layout: sequences/XX/image_2 (or image_0), sequences/XX/calib.txt,
-    poses/XX.txt; frames and sequences may be missing. Results go to OUT/kitti.jsonl, one line a
-    pair and method; a run that was stopped goes on where it was.
+    poses/XX.txt; frames and sequences may be missing. Where image_3 (or image_1) is there, lengths
+    are taken from stereo. Results go to OUT/kitti.jsonl, one line a pair and method, and plots
+    beside them.
 
     Args:
         folder: Folder of the KITTI Odometry data.
-        out: Folder for the results.
-        sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
-        method: A method to compare; may be repeated.
-        descriptor: A landmark descriptor to compare; may be repeated.
-        weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
+        count_only: Count the pairs that the poses give, and do nothing else.
+        sequence: Use only this sequence, e.g. 00; may be repeated.
     """
-    chosen = variants(settings, method, descriptor, weights)
-    cases = sampled(find_kitti_cases(folder), sample, settings.seed)
-    rows = run(cases, chosen, out / "kitti.jsonl")
     console = Console(highlight=False, soft_wrap=True)
-    console.print("Successes, strict / loose:\n\n" + success_table(rows), markup=False)
-    console.print("\nMedian seconds by stage:\n\n" + time_table(rows), markup=False)
+    if count_only:
+        console.print(_counts(count_pairs(folder)), markup=False)
+        return
+    if options is None:
+        raise SettingsError("name a folder for the results with --out, or use --count-only")
+    cases = [
+        case
+        for case in find_kitti_cases(folder)
+        if not sequence or case.tags["sequence"] in sequence
+    ]
+    rows = run_cases(cases, options, settings, "kitti")
+    titles = {
+        "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
+        "Share within 5 degrees": step_table(rows),
+        "Fits of the group means, a + b ln(metres)": fit_table(rows),
+        "Median seconds by stage, where it ran": time_table(rows),
+    }
+    for title, table in titles.items():
+        console.print(f"{title}:\n\n{table}\n", markup=False)
+    for file in plot_kitti(rows, options.out):
+        console.print(f"saved {file}", markup=False)
+
+
+def _counts(counts: PairCounts) -> str:
+    return (
+        f"pairs (i, i + j), j = 1...10, every 5th frame: {counts.all_pairs:,}\n"
+        f"of those, gaze within 45 degrees about each axis: {counts.within:,}\n"
+        f"of those, in full windows (frame i + 10 exists): {counts.full_windows:,}\n"
+        f"reported by the paper: {PAPER_PAIRS:,}"
+    )

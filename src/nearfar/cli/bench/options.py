@@ -1,63 +1,90 @@
 """Options and steps that the benchmarks share."""
 
 import random
-from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from nearfar.bench.cases import Case
-from nearfar.cli.options import SettingsOptions, WeightOptions, with_weights
+from nearfar.bench.rows import Row
+from nearfar.bench.run import run
+from nearfar.bench.workers import Workers
+from nearfar.cli.options import WeightOptions, with_weights
+from nearfar.errors import SettingsError
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
-
-__all__ = [
-    "ACCEPT_ALL",
-    "Descriptors",
-    "Methods",
-    "SettingsOptions",
-    "WeightOptions",
-    "sampled",
-    "variants",
-]
-
-Methods = Annotated[tuple[str, ...], Parameter(name="--method", negative="", show_default=False)]
-"""Methods to compare."""
-
-Descriptors = Annotated[
-    tuple[str, ...], Parameter(name="--descriptor", negative="", show_default=False)
-]
-"""Landmark descriptors to compare."""
 
 ACCEPT_ALL = Settings(max_false_alarms=float("inf"))
 """Defaults of the benchmarks: every model counts, as in the paper."""
 
+_Names = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 
-def variants(
-    settings: Settings,
-    methods: Sequence[str],
-    descriptors: Sequence[str],
-    weights: tuple[str, ...],
-) -> list[Settings]:
-    """Settings of each method, with landmarks once for each descriptor.
 
-    Args:
-        settings: what all have in common.
-        methods: names of methods; where empty, that of the settings.
-        descriptors: names of descriptors; where empty, that of the settings.
-        weights: NAME=FILE.
+@dataclass(frozen=True, kw_only=True)
+class _RunOptions:
+    """What is compared, on how much, and where the work is done."""
+
+    out: Path
+    """Folder for the results; a run that was stopped goes on where it was."""
+
+    method: _Names = ()
+    """A method to compare; may be repeated."""
+
+    descriptor: _Names = ()
+    """A landmark descriptor to compare; may be repeated."""
+
+    weights: WeightOptions = ()
+    """Weights of a network, e.g. resnet50=resnet50.pth; may be repeated."""
+
+    sample: int = 0
+    """Use only so many cases, drawn with the seed of the settings; 0: all."""
+
+    jobs: int = 1
+    """Local processes that share the work."""
+
+    scheduler: str | None = None
+    """Address of a Dask scheduler, whose workers do the work instead."""
+
+    features: Path | None = None
+    """Folder that keeps the features of images between processes and runs; default OUT/features."""
+
+
+RunOptions = Annotated[_RunOptions, Parameter(name="*", group="Run")]
+
+
+def run_cases(cases: list[Case], options: _RunOptions, settings: Settings, name: str) -> list[Row]:
+    """Run the methods of the options over the cases; results go to OUT/`name`.jsonl.
+
+    Raises:
+        NearfarError: a name is unknown, weights are missing, or the workers cannot be reached.
+    """
+    if options.jobs < 1:
+        raise SettingsError(f"--jobs must be at least 1, not {options.jobs}")
+    return run(
+        sampled(cases, options.sample, settings.seed),
+        variants(settings, options),
+        options.out / f"{name}.jsonl",
+        workers=Workers(options.jobs, options.scheduler),
+        features=options.features or options.out / "features",
+    )
+
+
+def variants(settings: Settings, options: _RunOptions) -> list[Settings]:
+    """Settings of each method, of those with landmarks once for each descriptor.
 
     Raises:
         SettingsError: a name is unknown.
         WeightsError: a descriptor needs weights that are missing or do not fit.
     """
-    common = with_weights(settings, weights)
+    common = with_weights(settings, options.weights)
     found = []
-    for method in methods or [settings.method]:
-        for descriptor in descriptors or [settings.descriptor]:
+    for method in options.method or [settings.method]:
+        for descriptor in options.descriptor or [settings.descriptor]:
             variant = common.replace(method=method, descriptor=descriptor)
             if not METHODS.create(method, variant).uses_landmarks:
-                found.append(common.replace(method=method))
+                found.append(settings.replace(method=method))
                 break
             found.append(variant)
     return found

@@ -5,46 +5,45 @@ from pathlib import Path
 from rich.console import Console
 
 from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.run import run
+from nearfar.bench.pairs_plot import plot_pairs
+from nearfar.bench.pairs_summary import table_three
+from nearfar.bench.paper_size import resized_to_paper
 from nearfar.bench.tables import success_table, time_table
-from nearfar.cli.bench.options import (
-    ACCEPT_ALL,
-    Descriptors,
-    Methods,
-    SettingsOptions,
-    WeightOptions,
-    sampled,
-    variants,
-)
+from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases, sampled
+from nearfar.cli.options import Flag, SettingsOptions
 
 
 def pairs_command(
     folder: Path,
     /,
     *,
-    out: Path,
-    sample: int = 0,
-    method: Methods = (),
-    descriptor: Descriptors = (),
-    weights: WeightOptions = (),
+    options: RunOptions,
+    paper_size: Flag = False,
     settings: SettingsOptions = ACCEPT_ALL,
 ) -> None:
     """Localize the image pairs of FOLDER and compare with their true points.
 
-    Every folder below FOLDER that holds a pair.json is a pair. Results go to OUT/pairs.jsonl, one
-    line a pair and method; a run that was stopped goes on where it was.
+    FOLDER and its subfolders may hold pairs in three layouts: pair.json; numbered PNGs with
+    A_to_B.yaml (the paper's Montreal set); sequences with H1to2p or H_1_2 (Oxford, HPatches).
+    Results go to OUT/pairs.jsonl, one line a pair and method, and a plot beside them.
 
     Args:
         folder: Folder of image pairs.
-        out: Folder for the results.
-        sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
-        method: A method to compare; may be repeated.
-        descriptor: A landmark descriptor to compare; may be repeated.
-        weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
+        paper_size: Resize all images to 1200x900 first, as in the paper's experiment; errors are
+            then in pixels of that size.
     """
-    chosen = variants(settings, method, descriptor, weights)
-    cases = sampled(find_pairs(folder), sample, settings.seed)
-    rows = run(cases, chosen, out / "pairs.jsonl")
+    cases = sampled(find_pairs(folder), options.sample, settings.seed)
+    if paper_size:
+        cases = resized_to_paper(cases, options.out / "cases")
+    rows = run_cases(cases, options, settings, "pairs")
     console = Console(highlight=False, soft_wrap=True)
-    console.print("Successes, strict / loose:\n\n" + success_table(rows), markup=False)
-    console.print("\nMedian seconds by stage:\n\n" + time_table(rows), markup=False)
+    titles = {
+        "Successes, strict / loose": success_table(rows),
+        "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (
+            table_three(rows)
+        ),
+        "Median seconds by stage, where it ran": time_table(rows),
+    }
+    for title, table in titles.items():
+        console.print(f"{title}:\n\n{table}\n", markup=False)
+    console.print(f"saved {plot_pairs(rows, options.out)}", markup=False)

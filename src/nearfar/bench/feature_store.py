@@ -1,0 +1,283 @@
+"""Features of images on disk, shared by all benchmarks, runs and processes.
+
+One file holds the features of one image under one set of settings, as a NumPy .npz archive without
+pickled objects. It describes itself: beside the arrays lies the structure of the dataclasses that
+they came from, so that any method's features can be stored, new ones included.
+
+A file appears under its name only when it is complete, so a process may be killed at any time and
+several may write the same features. Every part has a checksum; a damaged file counts as absent.
+"""
+
+import dataclasses
+import functools
+import hashlib
+import importlib
+import importlib.metadata
+import io
+import json
+import logging
+import math
+import os
+import shutil
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.settings import Settings
+
+Features = TypeVar("Features")
+
+NOT_IN_FEATURES = frozenset(
+    {"estimator", "inlier_threshold", "max_false_alarms", "seed", "batch_size"}
+)
+"""Settings that change only what is done with features. (No method draws random numbers for them.)
+"""
+
+_PARTS_WITHOUT_FEATURES = frozenset({"bench", "cli", "estimators", "geometry", "pictures"})
+"""Parts of the package in which a change leaves stored features valid."""
+
+_STRUCTURE = "structure"
+_SUFFIX, _INCOMPLETE = ".npz", ".incomplete"
+_ABANDONED_SECONDS = 3600.0
+"""An incomplete file this old was left by a process that was killed."""
+_FREE_BYTES = 10**9
+"""Nothing is stored where the disk would have less left for others."""
+_KEPT_SHARE = 0.9
+_UNSEEN_SHARE = 0.01
+"""The oldest files are removed down to the kept share of the limit; what a process writes between
+two looks at the folder is at most the unseen share, so ten processes together keep the limit."""
+
+_log = logging.getLogger(__name__)
+
+
+class FeatureStore:
+    """A folder of features with a limit on its size; what was used longest ago goes first.
+
+    Args:
+        folder: the folder, made where missing; no other files should be in it.
+        max_bytes: largest size of all files together.
+
+    Raises:
+        OSError: the folder cannot be made.
+    """
+
+    def __init__(self, folder: Path, max_bytes: int = 20 * 10**9) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+        self.max_bytes = max_bytes
+        self._unseen = math.inf
+
+    def of(self, settings: Settings) -> "SettingsFeatures":
+        """The features under some settings."""
+        return SettingsFeatures(self, settings)
+
+    def get_or_compute(self, key: str, compute: Callable[[], Features]) -> Features:
+        """The stored features, or those computed now, which are then stored.
+
+        Where they cannot be stored, on a full disk say, they are returned all the same.
+
+        Args:
+            key: file name without suffix.
+            compute: returns a dataclass of this package whose fields are arrays, plain values, or
+                tuples or dataclasses of such.
+
+        Raises:
+            TypeError: the features hold anything else.
+        """
+        file = self.folder / (key + _SUFFIX)
+        stored: Features | None = _read(file)
+        if stored is not None:
+            return stored
+        features = compute()
+        content = flattened(features)
+        try:
+            self._write(file, content)
+        except OSError as error:
+            _log.warning("features are not stored in %s: %s", self.folder, error.strerror)
+        return features
+
+    def _write(self, file: Path, content: Mapping[str, NDArray[Any]]) -> None:
+        size = sum(array.nbytes for array in content.values())
+        if not self._make_room(size):
+            return
+        descriptor, name = tempfile.mkstemp(_INCOMPLETE, dir=self.folder)
+        incomplete = Path(name)
+        try:
+            with open(descriptor, "wb") as out:  # noqa: PTH123
+                np.savez(out, allow_pickle=False, **content)
+                out.flush()
+                os.fsync(out.fileno())
+            os.replace(incomplete, file)  # noqa: PTH105
+        finally:
+            incomplete.unlink(missing_ok=True)
+
+    def _make_room(self, size: int) -> bool:
+        """Remove what was used longest ago; whether so many bytes can be added."""
+        if size > _KEPT_SHARE * self.max_bytes:
+            return False
+        self._unseen += size
+        if self._unseen > _UNSEEN_SHARE * self.max_bytes:
+            self._evict(int(_KEPT_SHARE * self.max_bytes) - size)
+            self._unseen = 0
+        return shutil.disk_usage(self.folder).free >= size + _FREE_BYTES
+
+    def _evict(self, allowed: int) -> None:
+        """Remove files, those used longest ago first, until at most so many bytes are left."""
+        files = []
+        for entry in os.scandir(self.folder):
+            with suppress(FileNotFoundError):
+                status = entry.stat()
+                files.append((status.st_mtime_ns, entry.path, status.st_size))
+        total = sum(size for _, _, size in files)
+        abandoned = time.time_ns() - int(_ABANDONED_SECONDS * 1e9)
+        for used, path, size in sorted(files):
+            incomplete = path.endswith(_INCOMPLETE)
+            if (incomplete and used < abandoned) or (total > allowed and not incomplete):
+                Path(path).unlink(missing_ok=True)
+                total -= size
+
+
+class SettingsFeatures:
+    """Features under one set of settings; see `FeatureStore.of`."""
+
+    def __init__(self, store: FeatureStore, settings: Settings) -> None:
+        self._store = store
+        self._settings_hash = settings_hash(settings)
+
+    def get_or_compute(self, content_hash: str, compute: Callable[[], Features]) -> Features:
+        """The features of the image with a content hash; see `FeatureStore.get_or_compute`."""
+        key = hashlib.sha256(f"{content_hash} {self._settings_hash}".encode()).hexdigest()
+        return self._store.get_or_compute(key, compute)
+
+
+def settings_hash(settings: Settings) -> str:
+    """SHA-256 of all that features depend on beside the image.
+
+    That is every setting but `NOT_IN_FEATURES`, with the content of weights files in place of
+    their names, the code of this package and the versions of the libraries that compute features.
+
+    Raises:
+        OSError: a weights file cannot be read.
+    """
+    content: dict[str, Any] = {
+        item.name: getattr(settings, item.name)
+        for item in dataclasses.fields(settings)
+        if item.name not in NOT_IN_FEATURES
+    }
+    content["weights"] = {
+        name: _file_hash(Path(file).expanduser()) for name, file in sorted(settings.weights.items())
+    }
+    content["code"] = _code_hash()
+    content["libraries"] = [
+        cv2.__version__,
+        np.__version__,
+        importlib.metadata.version("onnxruntime"),
+    ]
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def flattened(features: object) -> dict[str, NDArray[Any]]:
+    """The arrays of features by number, and their structure as JSON text.
+
+    Raises:
+        TypeError: the features hold what is neither an array, a plain value, nor a tuple or
+            dataclass of such.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    structure = _structure(features, arrays)
+    return {**arrays, _STRUCTURE: np.array(json.dumps(structure))}
+
+
+def restored(content: Mapping[str, NDArray[Any]]) -> Any:
+    """The features of `flattened`.
+
+    Raises:
+        KeyError, TypeError, ValueError: the content is not that of any features.
+    """
+    return _value(json.loads(str(content[_STRUCTURE])), content)
+
+
+def _structure(value: object, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """How a value is made; its arrays are added to `arrays`."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        name = str(len(arrays))
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, tuple) and type(value) is tuple:
+        return {"tuple": [_structure(item, arrays) for item in value]}
+    if value is None or type(value) in (bool, int, float, str):
+        return {"value": value}
+    kind = type(value)
+    if dataclasses.is_dataclass(value) and _is_own(kind.__module__):
+        fields = {
+            item.name: _structure(getattr(value, item.name), arrays)
+            for item in dataclasses.fields(value)
+            if item.init
+        }
+        return {"class": [kind.__module__, kind.__qualname__], "fields": fields}
+    raise TypeError(f"features that hold a {kind.__module__}.{kind.__qualname__} cannot be stored")
+
+
+def _value(structure: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Any:
+    match structure:
+        case {"array": name}:
+            return arrays[name]
+        case {"tuple": items}:
+            return tuple(_value(item, arrays) for item in items)
+        case {"value": value}:
+            return value
+        case {"class": [module, name], "fields": fields} if _is_own(module):
+            kind = getattr(importlib.import_module(module), name)
+            if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+                raise TypeError(f"{module}.{name} is not a dataclass")
+            return kind(**{field: _value(item, arrays) for field, item in fields.items()})
+    raise ValueError("the structure is not one of features")
+
+
+def _is_own(module: str) -> bool:
+    """Whether a module belongs to this package; a file can name no other."""
+    return module.startswith("nearfar.")
+
+
+def _read(file: Path) -> Any | None:
+    """The features in a file; None where it is missing or damaged."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            # ZipFile.read checks a part as a whole before NumPy looks at it.
+            content = {
+                name.removesuffix(".npy"): np.lib.format.read_array(
+                    io.BytesIO(archive.read(name)), allow_pickle=False
+                )
+                for name in archive.namelist()
+            }
+        features = restored(content)
+    except Exception:  # Damage can show as almost any error, and costs only the time to compute.
+        return None
+    with suppress(OSError):
+        os.utime(file)
+    return features
+
+
+def _file_hash(file: Path) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+@functools.cache
+def _code_hash() -> str:
+    """SHA-256 of the package's source files that may compute features."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        name = file.relative_to(package)
+        if name.parts[0] not in _PARTS_WITHOUT_FEATURES:
+            digest.update(f"{name.as_posix()} {_file_hash(file)}\n".encode())
+    return digest.hexdigest()

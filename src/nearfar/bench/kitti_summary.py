@@ -1,0 +1,123 @@
+"""Tables of the KITTI experiment: the paper's Table II, and the errors by distance."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nearfar.bench.rows import Row
+from nearfar.bench.tables import distinct, markdown, method_name
+
+PAPER_TABLE_II = {
+    "SIFT (paper)": (0.680, 0.149, 1854),
+    "objects (paper)": (0.744, 0.232, 7146),
+    "proposed (paper)": (0.641, 0.086, 785),
+}
+"""Mean t_err, mean r_err, failures of 40,748 pairs (paper, Table II)."""
+
+MEASURES = {
+    "t_err_unit": "t_err, unit length",
+    "t_err_stereo": "t_err, stereo length",
+    "t_err_length": "t_err, true length",
+    "r_err": "r_err",
+}
+
+
+@dataclass(frozen=True)
+class LogFit:
+    """Least-squares fit a + b ln x."""
+
+    a: float
+    b: float
+
+
+def table_two(rows: Sequence[Row]) -> str:
+    """Markdown: per method the means over all pairs, failures counted as 1, and the angles."""
+    header = [
+        "method",
+        "pairs",
+        *MEASURES.values(),
+        "failures",
+        "within 5°",
+        "median rotation error",
+        "median translation error",
+    ]
+    lines = []
+    for method in distinct(method_name(row) for row in rows):
+        own = [row for row in rows if method_name(row) == method]
+        lines.append(
+            [
+                method,
+                str(len(own)),
+                *(_mean_cell(own, measure) for measure in MEASURES),
+                str(sum(row["status"] != "localized" for row in own)),
+                f"{np.mean([row['strict'] for row in own]):.3f}",
+                _median_cell(own, "rotation_degrees"),
+                _median_cell(own, "translation_degrees"),
+            ]
+        )
+    for method, (t_err, r_err, failures) in PAPER_TABLE_II.items():
+        lines.append(
+            [method, "40748", "", f"{t_err:.3f}", "", f"{r_err:.3f}", str(failures), "", "", ""]
+        )
+    return markdown(header, lines)
+
+
+def by_step(rows: Sequence[Row], value: Callable[[Row], float | None]) -> dict[int, float]:
+    """Mean of a value over the pairs of each j, without those that have none."""
+    means = {}
+    for j in sorted({int(row["tags"]["j"]) for row in rows}):
+        values = [v for row in rows if row["tags"]["j"] == j and (v := value(row)) is not None]
+        if values:
+            means[j] = float(np.mean(values))
+    return means
+
+
+def step_table(rows: Sequence[Row]) -> str:
+    """Markdown: per j the mean distance and per method the share within 5 degrees."""
+    methods = distinct(method_name(row) for row in rows)
+    distances = by_step(rows, lambda row: float(row["tags"]["distance"]))
+    lines = []
+    for j, distance in distances.items():
+        chosen = [row for row in rows if row["tags"]["j"] == j]
+        count = len({row["case"] for row in chosen})
+        cells = []
+        for method in methods:
+            own = [row["strict"] for row in chosen if method_name(row) == method]
+            cells.append(f"{np.mean(own):.2f}" if own else "")
+        lines.append([str(j), f"{distance:.1f} m", str(count), *cells])
+    return markdown(["j", "mean distance", "pairs", *methods], lines)
+
+
+def log_fit(x: Sequence[float], y: Sequence[float]) -> LogFit:
+    """Fit y = a + b ln x through the group means, as in the paper's plots."""
+    b, a = np.polyfit(np.log(x), y, 1)
+    return LogFit(float(a), float(b))
+
+
+def _mean_cell(rows: Sequence[Row], measure: str) -> str:
+    values = [row[measure] for row in rows if row.get(measure) is not None]
+    return f"{np.mean(values):.3f}" if values else ""
+
+
+def _median_cell(rows: Sequence[Row], measure: str) -> str:
+    values = [row[measure] for row in rows if row.get(measure) is not None]
+    return f"{np.median(values):.2f}°" if values else ""
+
+
+def fit_table(rows: Sequence[Row]) -> str:
+    """Markdown: per method the logarithmic fits of its group means."""
+    lines = []
+    for method in distinct(method_name(row) for row in rows):
+        own = [row for row in rows if method_name(row) == method]
+        cells = []
+        for measure in MEASURES:
+            means = by_step(own, lambda row, name=measure: row.get(name))  # type: ignore[misc]
+            distances = by_step(own, lambda row: float(row["tags"]["distance"]))
+            if len(means) < 2:
+                cells.append("")
+                continue
+            fit = log_fit([distances[j] for j in means], list(means.values()))
+            cells.append(f"{fit.a:.3f} {fit.b:+.3f} ln x")
+        lines.append([method, *cells])
+    return markdown(["method", *MEASURES.values()], lines)

@@ -1,0 +1,81 @@
+"""The layout of the paper's Montreal set: numbered PNGs of a scene and A_to_B.yaml."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from nearfar.arrays import Coordinates
+from nearfar.bench.cases import Case
+from nearfar.errors import BenchmarkError, ImageError, MissingExtraError
+from nearfar.geometry.scale import scale_change
+from nearfar.image import read_image
+
+_DESCRIPTION = re.compile(r"(?P<first>.+)_to_(?P<second>.+)\.ya?ml")
+
+
+def find_montreal_pairs(folder: Path) -> Iterator[Case]:
+    """The pairs of all A_to_B.yaml, each with the images A.png and B.png beside it.
+
+    A file maps each image's name to the corresponding points, [x, y] as shares of its width and
+    height. The image with the points farther apart is the near one.
+
+    Raises:
+        BenchmarkError: a file is malformed, or an image cannot be read.
+        MissingExtraError: PyYAML is not installed.
+    """
+    for file in sorted(folder.rglob("*_to_*.y*ml")):
+        match = _DESCRIPTION.fullmatch(file.name)
+        if match:
+            yield _read(file, match["first"], match["second"], folder)
+
+
+def _read(file: Path, first: str, second: str, folder: Path) -> Case:
+    content = _load(file)
+    views = [_view(file, content, name) for name in (first, second)]
+    if len(views[0][1]) != len(views[1][1]):
+        raise BenchmarkError(f"{file} has not as many points in {first} as in {second}")
+    change = scale_change(views[0][1], views[1][1])
+    if change is None:
+        raise BenchmarkError(f"{file} needs at least two different points")
+    if change < 1:
+        views.reverse()
+    (far, far_points), (near, near_points) = views
+    scene = file.parent.relative_to(folder).as_posix()
+    return Case(
+        name=f"{scene}/{file.stem}",
+        group=scene,
+        far=far,
+        near=near,
+        model="homography",
+        scale_change=max(change, 1 / change),
+        far_points=far_points,
+        near_points=near_points,
+    )
+
+
+def _load(file: Path) -> dict[str, object]:
+    try:
+        import yaml
+    except ImportError as error:
+        raise MissingExtraError(f"{file} needs PyYAML: pip install 'nearfar[bench]'") from error
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise BenchmarkError(f"{file} cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise BenchmarkError(f"{file} must map the names of both images to their points")
+    return {Path(str(name)).stem: value for name, value in content.items()}
+
+
+def _view(file: Path, content: dict[str, object], name: str) -> tuple[Path, Coordinates]:
+    """Path and points, in pixels, of one image."""
+    path = file.parent / f"{name}.png"
+    try:
+        image = read_image(path)
+        shares = np.array(content[name], np.float64).reshape(-1, 2)
+    except (ImageError, KeyError, TypeError, ValueError) as error:
+        raise BenchmarkError(f"{file} is not valid for image {name}: {error!r}") from error
+    # A share counts from the left edge of the image, half a pixel before the first centre.
+    return path, shares * (image.width, image.height) - 0.5

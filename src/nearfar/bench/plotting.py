@@ -1,0 +1,30 @@
+"""Figures of one style."""
+
+from pathlib import Path
+from typing import Any
+
+from nearfar.errors import MissingExtraError
+
+
+def figure_axes(width: float = 7.0, height: float = 4.5) -> tuple[Any, Any]:
+    """A figure and its axes, without a display.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("plots need matplotlib: pip install 'nearfar[bench]'") from error
+    figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+    axes = figure.add_subplot()
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def save_figure(figure: Any, file: Path) -> Path:
+    """Write a figure in the format of the file's name."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file)
+    return file

@@ -1,0 +1,106 @@
+"""The tables of a report for LaTeX, with the package booktabs."""
+
+from collections.abc import Sequence
+
+from nearfar.bench.report.load import Benchmark
+from nearfar.bench.report.published import Comparison, comparison
+from nearfar.bench.report.summary import DASH, Share, by_group, by_method, summarize
+
+_ESCAPES = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "&": r"\&",
+        "%": r"\%",
+        "$": r"\$",
+        "#": r"\#",
+        "_": r"\_",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        DASH: "--",
+        "·": r"\textperiodcentered{}",
+    }
+)
+
+
+def latex_tables(benchmarks: Sequence[Benchmark]) -> str:
+    """Every table as a LaTeX table environment."""
+    parts = ["% Needs \\usepackage{booktabs}"]
+    for benchmark in benchmarks:
+        parts.append(_overall(benchmark))
+        parts.append(_groups(benchmark))
+        published = comparison(benchmark)
+        if published is not None:
+            parts.append(_published(published))
+    return "\n\n".join(parts) + "\n"
+
+
+def _overall(benchmark: Benchmark) -> str:
+    rows = []
+    for method, results in by_method(benchmark).items():
+        summary = summarize(results)
+        rows.append(
+            [
+                method,
+                str(len(results)),
+                _share(summary.strict),
+                _share(summary.loose),
+                str(summary.unanswered.count),
+                _decimal(summary.median_error),
+                _decimal(summary.median_seconds),
+            ]
+        )
+    header = ["method", "cases", "strict", "loose", "no answer", "median error", "median s"]
+    caption = f"Successes in {benchmark.name}, % with 95 % interval"
+    return _table(caption, header, rows)
+
+
+def _groups(benchmark: Benchmark) -> str:
+    groups = list(by_group(benchmark.results))
+    rows = []
+    for method, results in by_method(benchmark).items():
+        own = by_group(results)
+        shares = (summarize(own[group]).strict if group in own else None for group in groups)
+        cells = (DASH if each is None else f"{each.count}/{each.of}" for each in shares)
+        rows.append([method, *cells])
+    return _table(f"Strict successes in {benchmark.name} by group", ["method", *groups], rows)
+
+
+def _published(table: Comparison) -> str:
+    rows = [[line.method, *line.cells] for line in table.lines]
+    return _table(f"{table.title}. {table.note}", ["method", *table.columns], rows)
+
+
+def _table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{_escaped(caption)}}}",
+        rf"\begin{{tabular}}{{l{'r' * (len(header) - 1)}}}",
+        r"\toprule",
+        _row(header),
+        r"\midrule",
+        *map(_row, rows),
+        r"\bottomrule",
+        r"\end{tabular}",
+        r"\end{table}",
+    ]
+    return "\n".join(lines)
+
+
+def _row(cells: Sequence[str]) -> str:
+    return " & ".join(map(_escaped, cells)) + r" \\"
+
+
+def _share(share: Share) -> str:
+    low, high = share.interval
+    return f"{100 * share.value:.0f} ({100 * low:.0f}{DASH}{100 * high:.0f})"
+
+
+def _decimal(value: float | None) -> str:
+    return DASH if value is None else f"{value:.2f}"
+
+
+def _escaped(text: str) -> str:
+    return text.translate(_ESCAPES)

@@ -1,0 +1,91 @@
+"""Sequences of images with homographies from the first one: Oxford (H1to2p), HPatches (H_1_2)."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.bench.cases import Case
+from nearfar.errors import BenchmarkError, ImageError
+from nearfar.geometry.homography import transform
+from nearfar.geometry.scale import scale_change
+from nearfar.image import Image, read_image
+
+_HOMOGRAPHY = re.compile(r"H1to(?P<oxford>\d+)p(\.txt)?|H_1_(?P<hpatches>\d+)(\.txt)?")
+SUFFIXES = (".ppm", ".pgm", ".png", ".jpg", ".tif")
+GRID = 20
+"""Columns and rows of near points, of which ten are chosen."""
+POINTS = 10
+
+
+def find_sequence_pairs(folder: Path) -> Iterator[Case]:
+    """Pairs (1, K) of every sequence, the image that shows the scene larger being the near one.
+
+    The true points are ten of an even grid over the part of the near image that lies in the far
+    one, as the paper spreads its points.
+
+    Raises:
+        BenchmarkError: a homography or an image cannot be read, or the images do not overlap.
+    """
+    for file in sorted(folder.rglob("H*1*")):
+        match = _HOMOGRAPHY.fullmatch(file.name)
+        if match and file.is_file():
+            yield _read(file, int(match["oxford"] or match["hpatches"]), folder)
+
+
+def _read(file: Path, number: int, folder: Path) -> Case:
+    try:
+        second_from_first = np.loadtxt(file).reshape(3, 3)
+        inverse = np.linalg.inv(second_from_first)
+    except (OSError, ValueError, np.linalg.LinAlgError) as error:
+        raise BenchmarkError(f"homography {file} cannot be read: {error}") from error
+    first, second = (_image(file.parent, index) for index in (1, number))
+    for far, near, far_from_near in ((first, second, inverse), (second, first, second_from_first)):
+        far_points, near_points = _grid_points(far, near, far_from_near)
+        change = scale_change(far_points, near_points)
+        if change is not None and change >= 1:
+            break
+    else:
+        raise BenchmarkError(f"the images related by {file} do not overlap")
+    sequence = file.parent.relative_to(folder).as_posix()
+    return Case(
+        name=f"{sequence}/1_{number}",
+        group=sequence,
+        far=far.path or file,
+        near=near.path or file,
+        model="homography",
+        scale_change=change,
+        far_points=far_points,
+        near_points=near_points,
+    )
+
+
+def _image(folder: Path, number: int) -> Image:
+    for stem in (f"img{number}", str(number)):
+        for suffix in SUFFIXES:
+            path = folder / f"{stem}{suffix}"
+            if path.exists():
+                try:
+                    return read_image(path)
+                except ImageError as error:
+                    raise BenchmarkError(str(error)) from error
+    raise BenchmarkError(f"{folder} has a homography but no image {number}")
+
+
+def _grid_points(
+    far: Image, near: Image, far_from_near: Matrix3
+) -> tuple[Coordinates, Coordinates]:
+    """At most ten true points spread over the part of the near image that the far one shows."""
+    axes = [(np.arange(GRID) + 0.5) / GRID * side - 0.5 for side in (near.width, near.height)]
+    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    mapped = transform(far_from_near, grid)
+    inside = (mapped > -0.5).all(axis=1) & (mapped < (far.width - 0.5, far.height - 0.5)).all(
+        axis=1
+    )
+    near_points, far_points = grid[inside], mapped[inside]
+    if len(near_points) > POINTS:
+        chosen = np.linspace(0, len(near_points) - 1, POINTS).astype(np.intp)
+        near_points, far_points = near_points[chosen], far_points[chosen]
+    return far_points, near_points

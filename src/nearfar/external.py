@@ -1,0 +1,95 @@
+"""A matcher of the user as a method: `python:module.function` (docs/external-matchers.md)."""
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nearfar.arrays import Coordinates, RGBPixels
+from nearfar.errors import ExternalMethodError, SettingsError
+from nearfar.estimators import Task
+from nearfar.methods import Answer
+from nearfar.registry import ESTIMATORS, EXTERNAL
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+
+Matcher = Callable[[RGBPixels, RGBPixels], tuple[Any, Any]]
+"""Far image, near image -> matched far points (N, 2), matched near points (N, 2), in pixels."""
+
+
+class ExternalMethod:
+    """Matches by a function of the user; the estimator of the settings fits the model.
+
+    Args:
+        path: dotted path of the function; its module must be importable.
+        settings: the settings.
+
+    Raises:
+        SettingsError: there is no such module or function.
+    """
+
+    uses_landmarks = False
+
+    def __init__(self, path: str, settings: Settings) -> None:
+        self._path = path
+        self._matcher = _find(path)
+        self._estimator = ESTIMATORS.create(settings.estimator, settings)
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> RGBPixels:  # noqa: ARG002
+        """The image itself: the function sees both images together."""
+        return pixels
+
+    def localize(self, far: RGBPixels, near: RGBPixels, task: Task, timer: StageTimer) -> Answer:
+        """See `Method.localize`.
+
+        Raises:
+            ExternalMethodError: the function raised an exception.
+            SettingsError: it did not return two arrays of the same shape (N, 2).
+        """
+        with timer.stage("external matching"):
+            far_xy, near_xy = self._match(far, near)
+        with timer.stage("estimation"):
+            estimate = self._estimator.estimate(far_xy, near_xy, task)
+        return Answer(far_xy, near_xy, None, estimate)
+
+    def _match(self, far: RGBPixels, near: RGBPixels) -> tuple[Coordinates, Coordinates]:
+        try:
+            found = self._matcher(far.copy(), near.copy())
+        except Exception as error:
+            raise ExternalMethodError(
+                f"the matcher {self._path} raised {type(error).__name__}: {error}"
+            ) from error
+        try:
+            far_xy, near_xy = (_coordinates(points) for points in found)
+        except (TypeError, ValueError, RuntimeError):
+            far_xy, near_xy = np.empty(0), np.empty(0)
+        if not (far_xy.shape == near_xy.shape and far_xy.shape[1:] == (2,)):
+            raise SettingsError(
+                f"the matcher {self._path} must return two arrays of numbers of the same shape "
+                f"(N, 2): far points, near points"
+            )
+        return far_xy, near_xy
+
+
+def _coordinates(points: Any) -> Coordinates:
+    """Anything that numpy takes as an array; an empty one is (0, 2) whatever its shape was."""
+    array = np.asarray(points, np.float64)
+    return array if array.size else np.empty((0, 2))
+
+
+def _find(path: str) -> Matcher:
+    module, _, function = path.rpartition(".")
+    if not module or not function:
+        raise SettingsError(f"a matcher is named as {EXTERNAL}module.function, not {path!r}")
+    try:
+        found = getattr(importlib.import_module(module), function, None)
+    except Exception as error:
+        raise SettingsError(
+            f"the module {module!r} of the matcher cannot be imported "
+            f"({type(error).__name__}: {error}); is its folder on PYTHONPATH?"
+        ) from error
+    if not callable(found):
+        raise SettingsError(f"the module {module!r} has no function {function!r}")
+    matcher: Matcher = found
+    return matcher

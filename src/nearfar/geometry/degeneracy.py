@@ -1,0 +1,56 @@
+"""Matches and models that look like an answer and are none."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Mask
+
+COLLINEAR_PX = 0.1
+"""Points this close to one line (root mean square) count as lying on it, in pixels."""
+
+
+def finite_rows(far: Coordinates, near: Coordinates) -> NDArray[np.intp]:
+    """Indices of the matches whose four coordinates are finite."""
+    return np.flatnonzero(np.isfinite(far).all(axis=1) & np.isfinite(near).all(axis=1))
+
+
+def distinct_matches(far: Coordinates, near: Coordinates) -> int:
+    """Number of matches when no point of either image may count twice; at most an upper bound."""
+    return min(len(np.unique(xy, axis=0)) for xy in (far, near))
+
+
+def is_model(matrix: NDArray[np.float64] | None) -> bool:
+    """Whether an estimator returned one finite 3x3 matrix: OpenCV also returns None and stacks."""
+    return matrix is not None and matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
+
+
+def determines_homography(
+    matrix: NDArray[np.float64],
+    far: Coordinates,
+    near: Coordinates,
+    inliers: Mask,
+    threshold: float,
+) -> bool:
+    """Whether a homography is invertible and its inliers leave no other one open.
+
+    They leave it open where there are fewer than four, where they span less than the threshold in
+    the far image, so that any transform to about one point would explain them, or where they lie
+    on one line.
+
+    Args:
+        matrix: (3, 3), finite.
+        far: (N, 2) far points.
+        near: (N, 2) near points.
+        inliers: (N,) the matches that agree with it.
+        threshold: largest reprojection error of an inlier, in far pixels.
+    """
+    if np.linalg.cond(matrix) > 1 / np.finfo(np.float64).eps or inliers.sum() < 4:
+        return False
+    far, near = far[inliers], near[inliers]
+    spread = np.ptp(far, axis=0).max() >= 2 * threshold
+    return bool(spread) and not (_collinear(far) or _collinear(near))
+
+
+def _collinear(xy: Coordinates) -> bool:
+    across = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[-1]
+    return bool(across < COLLINEAR_PX * np.sqrt(len(xy)))

@@ -1,0 +1,109 @@
+"""Pairs in the authors' layout and as sequences with homographies, and the paper's size."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from nearfar.arrays import RGBPixels
+from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.paper_size import PAPER_SIZE, resized_to_paper
+from nearfar.errors import BenchmarkError
+from nearfar.geometry.errors import transfer_errors
+from nearfar.image import read_image
+
+HALF = np.array([[0.5, 0, 20.25], [0, 0.5, 10.25], [0, 0, 1.0]])
+"""Maps the photograph to its copy at half the size, moved by (20.5, 10.5)."""
+
+
+def save(path: Path, pixels: RGBPixels) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    PillowImage.fromarray(pixels).save(path)
+
+
+@pytest.fixture
+def images(photograph: Callable[[str], RGBPixels]) -> tuple[RGBPixels, RGBPixels]:
+    near = photograph("coffee")
+    return cv2.warpAffine(cv2.GaussianBlur(near, (0, 0), 1), HALF[:2], (400, 300)), near
+
+
+def test_authors_layout(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> None:
+    pytest.importorskip("yaml")
+    far, near = images
+    scene = tmp_path / "house"
+    save(scene / "2.png", far)
+    save(scene / "1.png", near)
+    near_points = np.array([[0, 0], [599, 0], [599, 399], [100, 300.0]])
+    far_points = near_points @ HALF[:2, :2].T + HALF[:2, 2]
+    shares = {
+        "1": ((near_points + 0.5) / (600, 400)).tolist(),
+        "2": ((far_points + 0.5) / (400, 300)).tolist(),
+    }
+    (scene / "1_to_2.yaml").write_text(str(shares))
+    (case,) = find_pairs(tmp_path)
+    assert (case.name, case.group, case.model) == ("house/1_to_2", "house", "homography")
+    assert (case.far.name, case.near.name) == ("2.png", "1.png")
+    assert case.scale_change == pytest.approx(2)
+    np.testing.assert_allclose(case.far_points, far_points, atol=1e-9)
+    np.testing.assert_allclose(case.near_points, near_points, atol=1e-9)
+    (scene / "1_to_2.yaml").write_text("{1: [[0, 0]]}")
+    with pytest.raises(BenchmarkError, match="1_to_2"):
+        find_pairs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("image", "homography", "suffix"), [("img{}", "H1to3p", "ppm"), ("{}", "H_1_3", "png")]
+)
+@pytest.mark.parametrize("near_first", [False, True])
+def test_sequences(
+    tmp_path: Path,
+    images: tuple[RGBPixels, RGBPixels],
+    image: str,
+    homography: str,
+    suffix: str,
+    near_first: bool,
+) -> None:
+    far, near = images
+    first, third, third_from_first = far, near, np.linalg.inv(HALF)
+    if near_first:
+        first, third, third_from_first = near, far, HALF
+    folder = tmp_path / "v_cup"
+    save(folder / f"{image.format(1)}.{suffix}", first)
+    save(folder / f"{image.format(3)}.{suffix}", third)
+    np.savetxt(folder / homography, third_from_first)
+    (case,) = find_pairs(tmp_path)
+    assert (case.name, case.group) == ("v_cup/1_3", "v_cup")
+    assert (case.near.stem == image.format(1)) == near_first
+    assert case.scale_change == pytest.approx(2)
+    assert len(case.near_points) == 10
+    assert transfer_errors(HALF, case.far_points, case.near_points).max() < 1e-6
+
+
+def test_paper_size_keeps_positions(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> None:
+    folder = tmp_path / "v_cup"
+    save(folder / "1.png", images[0])
+    save(folder / "2.png", images[1])
+    np.savetxt(folder / "H_1_2", np.linalg.inv(HALF))
+    cases = find_pairs(tmp_path)
+    (case,) = resized_to_paper(cases, tmp_path / "out")
+    for path in (case.far, case.near):
+        assert read_image(path).pixels.shape[1::-1] == PAPER_SIZE
+    np.testing.assert_allclose(
+        (case.near_points + 0.5) / PAPER_SIZE, (cases[0].near_points + 0.5) / (600, 400)
+    )
+
+
+def test_broken_sequences_are_named(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> None:
+    folder = tmp_path / "v_cup"
+    save(folder / "1.png", images[0])
+    np.savetxt(folder / "H_1_2", np.eye(3))
+    with pytest.raises(BenchmarkError, match="no image 2"):
+        find_pairs(tmp_path)
+    (folder / "H_1_2").write_text("1 2 3")
+    with pytest.raises(BenchmarkError, match="H_1_2"):
+        find_pairs(tmp_path)
+    with pytest.raises(BenchmarkError, match="not a folder"):
+        find_pairs(tmp_path / "missing")

@@ -1,0 +1,78 @@
+"""Tables of the experiments, against values worked out by hand."""
+
+import numpy as np
+import pytest
+
+from nearfar.bench.kitti_summary import fit_table, log_fit, step_table, table_two
+from nearfar.bench.pairs_summary import table_three
+from nearfar.bench.rows import Row
+from nearfar.geometry.errors import PAPER_FAILURE_STE
+
+
+def pose_row(j: int, t_err: float, r_err: float, status: str = "localized") -> Row:
+    return {
+        "case": f"{j}-{t_err}",
+        "method": "sift",
+        "descriptor": None,
+        "status": status,
+        "strict": t_err < 0.5,
+        "tags": {"j": j, "distance": 5.0 * j},
+        "t_err_unit": t_err,
+        "t_err_length": t_err / 2,
+        "t_err_stereo": None,
+        "r_err": r_err,
+        "rotation_degrees": None if status == "failed" else 2.0,
+        "translation_degrees": None if status == "failed" else 4.0,
+    }
+
+
+ROWS = [pose_row(1, 0.2, 0.1), pose_row(1, 0.4, 0.1), pose_row(2, 1.0, 1.0, "failed")]
+
+
+def test_table_two() -> None:
+    table = table_two(ROWS)
+    row = next(line for line in table.splitlines() if line.startswith("| sift |"))
+    cells = [cell.strip() for cell in row.split("|")[1:-1]]
+    assert cells == ["sift", "3", "0.533", "", "0.267", "0.400", "1", "0.667", "2.00°", "4.00°"]
+    assert "| proposed (paper) | 40748 | | 0.641 |".replace("| |", "|  |") in table
+
+
+def test_step_table() -> None:
+    assert "| 1 | 5.0 m | 2 | 1.00 |" in step_table(ROWS)
+    assert "| 2 | 10.0 m | 1 | 0.00 |" in step_table(ROWS)
+
+
+def test_log_fit_recovers_its_curve() -> None:
+    x = np.array([5, 10, 20, 40.0])
+    fit = log_fit(x.tolist(), (0.2 + 0.1 * np.log(x)).tolist())
+    assert (fit.a, fit.b) == pytest.approx((0.2, 0.1))
+
+
+def test_fits_pass_through_the_means_of_each_step() -> None:
+    rows = [pose_row(1, 0.2, 0.1), pose_row(1, 0.4, 0.1), pose_row(2, 0.5, 0.1)]
+    # Means 0.3 at 5 m and 0.5 at 10 m: b = 0.2 / ln 2, a = 0.3 - b ln 5.
+    slope = 0.2 / np.log(2)
+    assert f"{0.3 - slope * np.log(5):.3f} {slope:+.3f} ln x" in fit_table(rows)
+
+
+def test_table_three() -> None:
+    rows = [
+        {
+            "method": "sift",
+            "descriptor": None,
+            "model": "homography",
+            "status": status,
+            "ste": ste,
+            "ste_published": 2 * ste,
+            "median_error": error,
+        }
+        for status, ste, error in (
+            ("localized", np.e**2, 0.5),
+            ("localized", np.e**4, 1.5),
+            ("failed", PAPER_FAILURE_STE, None),
+        )
+    ]
+    mean = (2 + 4 + np.log(PAPER_FAILURE_STE)) / 3
+    line = next(line for line in table_three(rows).splitlines() if line.startswith("| sift"))
+    assert line == f"| sift | 3 | {mean:.3f} | {mean + np.log(2):.3f} | 1 | 1.00 px |"
+    assert "| SIFT (paper) | 31 |" in table_three(rows)
