@@ -11,9 +11,9 @@ Only photographs that are free of rights are used:
   Rachel Michetti; grass: linolafett; retina: Mikael Haggstrom; all CC0
 """
 
-import importlib.util
 import math
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import cv2
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.errors import NearfarError
+from nearfar.extras import require
 from nearfar.geometry.errors import transfer_errors
 from nearfar.geometry.homography import transform
 from nearfar.geometry.scale import scale_change
@@ -53,10 +53,6 @@ _GAIN, _NOISE = 0.92, 2.0
 _SEED = 2018
 
 
-class DemoError(NearfarError):
-    """The demo's photographs are missing."""
-
-
 @dataclass(frozen=True)
 class Print:
     """A framed photograph on the wall.
@@ -84,7 +80,8 @@ class Print:
         """(height, width, 3) what is printed, at full size.
 
         Raises:
-            DemoError: scikit-image or this photograph is missing.
+            MissingExtraError: scikit-image is missing.
+            ImageError: it lacks this photograph.
         """
         whole = _photograph(self.file)
         if self.part is None:
@@ -133,7 +130,8 @@ def make_scene() -> Scene:
     """Compose the wall and take one photograph of it as the near image.
 
     Raises:
-        DemoError: scikit-image or one of its photographs is missing.
+        MissingExtraError: scikit-image is missing.
+        ImageError: it lacks one of the photographs.
     """
     wall = _painted_wall()
     for item in PRINTS:
@@ -177,13 +175,8 @@ def _grid(scene: Scene) -> NDArray[np.float64]:
 
 
 def _photograph(file: str) -> RGBPixels:
-    found = importlib.util.find_spec("skimage")
-    if found is None or found.origin is None:
-        raise DemoError("the demo needs its photographs: pip install 'nearfar[demo]'")
-    path = Path(found.origin).parent / "data" / file
-    if not path.is_file():
-        raise DemoError(f"the installed scikit-image lacks {file}: pip install 'nearfar[demo]'")
-    return read_image(path).pixels
+    require("demo", "skimage")
+    return read_image(Path(str(files("skimage") / "data" / file))).pixels
 
 
 def _painted_wall() -> RGBPixels:

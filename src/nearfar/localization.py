@@ -49,6 +49,8 @@ class Localization:
             the far image.
         confidence: calibrated probability that the answer is right; None for a method without
             calibration.
+        log10_false_alarms: decimal logarithm of how many models as good as this one are expected
+            among matches that are all wrong; None without a model, or with too few inliers to say.
         footprint: (4, 2) outline of the near image in the far image (top left, top right, bottom
             right, bottom left of the near image); None unless the model is a homography with
             finite corners.
@@ -67,6 +69,7 @@ class Localization:
     far_from_near: Matrix3 | RelativePose | None
     scale_change: float | None
     confidence: float | None
+    log10_false_alarms: float | None
     footprint: Coordinates | None
     points: PointMatches
     landmarks: LandmarkMatches
@@ -90,6 +93,7 @@ class Localization:
             "far_from_near": self._model_as_dict(),
             "scale_change": self.scale_change,
             "confidence": self.confidence,
+            "log10_false_alarms": self.log10_false_alarms,
             "footprint": None if self.footprint is None else self.footprint.tolist(),
             "inliers": int(self.points.inliers.sum()),
             "matches": len(self.points),

@@ -120,7 +120,8 @@ class Localizer:
         self, kind: ModelKind, answer: Answer, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
         """The answer in pixels of the original images."""
-        estimate = self._beyond_chance(answer, kind, far)
+        exponent = _false_alarms(answer, kind, far)
+        estimate = self._beyond_chance(answer, kind, exponent)
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),
@@ -140,6 +141,7 @@ class Localizer:
             far_from_near=model,
             scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
             confidence=None,
+            log10_false_alarms=exponent if math.isfinite(exponent) else None,
             footprint=outline,
             points=points,
             landmarks=landmarks,
@@ -150,21 +152,10 @@ class Localizer:
             near=near,
         )
 
-    def _beyond_chance(self, answer: Answer, kind: ModelKind, far: Image) -> Estimate:
+    def _beyond_chance(self, answer: Answer, kind: ModelKind, exponent: float) -> Estimate:
         """The estimate, or a failure where matches that are all wrong may explain it as well."""
         estimate = answer.estimate
-        if estimate.far_from_near is None:
-            return estimate
-        height, width = far.pixels.shape[:2]
-        exponent = log10_false_alarms(
-            kind,
-            answer.far[estimate.inliers],
-            answer.near[estimate.inliers],
-            len(answer.far),
-            threshold=estimate.threshold,
-            far_size=(width, height),
-        )
-        if exponent <= math.log10(self.settings.max_false_alarms):
+        if estimate.far_from_near is None or exponent <= math.log10(self.settings.max_false_alarms):
             return estimate
         return failure(
             len(answer.far),
@@ -206,6 +197,19 @@ def localize(
     if method is not None:
         options["method"] = method
     return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
+
+
+def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:
+    """Decimal logarithm of the number of models as good as this one that chance would give."""
+    height, width = far.pixels.shape[:2]
+    return log10_false_alarms(
+        kind,
+        answer.far[answer.estimate.inliers],
+        answer.near[answer.estimate.inliers],
+        len(answer.far),
+        threshold=answer.estimate.threshold,
+        far_size=(width, height),
+    )
 
 
 def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> ModelKind:

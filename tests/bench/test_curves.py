@@ -14,12 +14,10 @@ from nearfar.bench.curves import (
     bin_rates,
     half_point,
     half_success,
-    import_library,
     monotone_fit,
     outcomes,
     resampled_weights,
 )
-from nearfar.errors import MissingExtraError
 
 SCALES = (1.5, 2.5, 3.5, 5.0, 7.0, 10.0, 20.0)
 
@@ -151,8 +149,3 @@ def test_tables() -> None:
     assert "| 2-3 | 3 | 3 | -100 (-100 to -100) |" in difference_table(strict, 0)
     assert "| > 20.0 (> 20.0 to > 20.0) |" in half_table(strict, loose, 0)
     assert "| paper | 1.9 (1.9 to 1.9) |" in half_table(strict, loose, 0)
-
-
-def test_a_missing_library_says_how_to_get_it() -> None:
-    with pytest.raises(MissingExtraError, match=r"nearfar\[bench\]"):
-        import_library("no_such_library.part")

@@ -62,7 +62,7 @@ def test_missing_photographs_are_bad_input(tmp_path: Path) -> None:
     result = run(without, "demo", folder=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
-    assert "the demo needs its photographs: pip install 'nearfar[demo]'" in result.stderr
+    assert "this needs skimage: pip install 'nearfar[demo]'" in result.stderr
     assert "Traceback" not in result.stderr
     assert list(tmp_path.iterdir()) == []
 

@@ -15,6 +15,7 @@ _KEPT = (
     "matches",
     "landmark_matches",
     "scale_change",
+    "log10_false_alarms",
     "seconds",
 )
 

@@ -5,12 +5,10 @@ base pair are not independent, so intervals come from resampling whole base pair
 the same resamples, which makes their differences paired.
 """
 
-import importlib
 import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Literal
 
 import numpy as np
@@ -18,7 +16,7 @@ from numpy.typing import NDArray
 
 from nearfar.bench.rows import Row
 from nearfar.bench.tables import method_name
-from nearfar.errors import MissingExtraError
+from nearfar.extras import require
 
 EDGES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 48.0)
 """Of the bins, each without its upper edge; the last one holds what the curve is known up to."""
@@ -53,21 +51,6 @@ class Outcomes:
     scales: NDArray[np.float64]
     bases: NDArray[np.intp]
     success: NDArray[np.bool_]
-
-
-def import_library(name: str) -> ModuleType:
-    """Import a library of the extra `bench`.
-
-    Raises:
-        MissingExtraError: it is missing.
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        library = name.partition(".")[0]
-        raise MissingExtraError(
-            f"this benchmark needs {library}: pip install 'nearfar[bench]'"
-        ) from error
 
 
 def bin_index(scale: float) -> int | None:
@@ -216,11 +199,13 @@ def monotone_fit(
     Raises:
         MissingExtraError: scipy is missing.
     """
+    require("bench", "scipy")
+    from scipy import optimize
+
     used = weights > 0
     distinct, index = np.unique(scales[used], return_inverse=True)
     total = np.bincount(index, weights[used])
     share = np.bincount(index, weights[used] * success[used]) / total
-    optimize = import_library("scipy.optimize")
     fit = optimize.isotonic_regression(share, weights=total, increasing=False)
     return distinct, np.asarray(fit.x, np.float64)
 

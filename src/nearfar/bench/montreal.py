@@ -8,7 +8,8 @@ import numpy as np
 
 from nearfar.arrays import Coordinates
 from nearfar.bench.cases import Case
-from nearfar.errors import BenchmarkError, ImageError, MissingExtraError
+from nearfar.errors import BenchmarkError, ImageError
+from nearfar.extras import require
 from nearfar.geometry.scale import scale_change
 from nearfar.image import read_image
 
@@ -56,10 +57,9 @@ def _read(file: Path, first: str, second: str, folder: Path) -> Case:
 
 
 def _load(file: Path) -> dict[str, object]:
-    try:
-        import yaml
-    except ImportError as error:
-        raise MissingExtraError(f"{file} needs PyYAML: pip install 'nearfar[bench]'") from error
+    require("bench", "yaml")
+    import yaml
+
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -11,7 +11,6 @@ from nearfar.bench.curves import (
     Outcomes,
     bin_rates,
     half_success,
-    import_library,
     monotone_fit,
     scale_text,
 )
@@ -37,12 +36,14 @@ def plot_curve(found: Outcomes, title: str, file: Path, seed: int) -> list[Path]
         MissingExtraError: matplotlib or scipy is missing.
     """
     figure, axes = figure_axes()
+    from matplotlib.ticker import NullLocator
+
     for method in range(len(found.methods)):
         _draw_method(axes, found, method, seed)
     axes.axhline(0.5, color="grey", linewidth=0.8, linestyle=":")
     axes.set_xscale("log")
     axes.set_xticks(EDGES, [f"{edge:g}" for edge in EDGES])
-    axes.xaxis.set_minor_locator(import_library("matplotlib.ticker").NullLocator())
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.set(xlim=(EDGES[0], EDGES[-1]), ylim=(-0.03, 1.03))
     axes.set(xlabel="true scale change", ylabel="share localized (error below 3 px)", title=title)
     axes.legend()
@@ -72,6 +73,8 @@ def _saved(figure: Any, file: Path) -> list[Path]:
     file.parent.mkdir(parents=True, exist_ok=True)
     png, svg = file.with_name(f"{file.name}.png"), file.with_name(f"{file.name}.svg")
     figure.savefig(png)
-    with import_library("matplotlib").rc_context({"svg.hashsalt": file.name}):
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": file.name}):
         figure.savefig(svg, metadata={"Date": None})
     return [png, svg]

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from nearfar.errors import MissingExtraError
+from nearfar.extras import require
 
 
 def figure_axes(width: float = 7.0, height: float = 4.5) -> tuple[Any, Any]:
@@ -12,10 +12,9 @@ def figure_axes(width: float = 7.0, height: float = 4.5) -> tuple[Any, Any]:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("plots need matplotlib: pip install 'nearfar[bench]'") from error
+    require("bench", "matplotlib")
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
     axes = figure.add_subplot()
     axes.grid(alpha=0.25)

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 
 import cv2
 
-from nearfar.errors import BenchmarkError, MissingExtraError
+from nearfar.errors import BenchmarkError
+from nearfar.extras import require
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -82,10 +83,11 @@ class Workers:
 
     def _joblib(self) -> tuple[Any, Any, AbstractContextManager[Any]]:
         """Joblib's `Parallel` and `delayed`, and the context in which they reach the workers."""
-        try:
-            from joblib import Parallel, delayed, parallel_config
+        require("bench", "joblib", *(() if self.scheduler is None else ("distributed",)))
+        from joblib import Parallel, delayed, parallel_config
 
-            context = ExitStack()
+        context = ExitStack()
+        try:
             if self.scheduler is None:
                 context.enter_context(parallel_config(backend="loky", inner_max_num_threads=1))
             else:
@@ -93,10 +95,6 @@ class Workers:
 
                 context.enter_context(Client(self.scheduler, timeout=CONNECTION_SECONDS))
                 context.enter_context(parallel_config(backend="dask"))
-        except ImportError as error:
-            raise MissingExtraError(
-                "parallel runs need joblib and clusters Dask: pip install 'nearfar[bench]'"
-            ) from error
         except OSError as error:
             raise BenchmarkError(
                 f"the scheduler {self.scheduler} cannot be reached: {error}"

@@ -9,6 +9,7 @@ from rich.console import Console
 from nearfar.bench.kitti import PairCounts, count_pairs, find_kitti_cases
 from nearfar.bench.kitti_plots import plot_kitti
 from nearfar.bench.kitti_summary import fit_table, step_table, table_two
+from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import time_table
 from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases
 from nearfar.cli.options import Flag, SettingsOptions
@@ -54,6 +55,7 @@ def kitti_command(
         "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
         "Share within 5 degrees": step_table(rows),
         "Fits of the group means, a + b ln(metres)": fit_table(rows),
+        "Wrong among the answers, at the share of pairs answered": risk_table(rows),
         "Median seconds by stage, where it ran": time_table(rows),
     }
     for title, table in titles.items():

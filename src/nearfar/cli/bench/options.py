@@ -13,6 +13,7 @@ from nearfar.bench.run import run
 from nearfar.bench.workers import Workers
 from nearfar.cli.options import WeightOptions, with_weights
 from nearfar.errors import SettingsError
+from nearfar.extras import require
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
 
@@ -60,6 +61,7 @@ def run_cases(cases: list[Case], options: _RunOptions, settings: Settings, name:
     Raises:
         NearfarError: a name is unknown, weights are missing, or the workers cannot be reached.
     """
+    require("bench", "matplotlib")
     if options.jobs < 1:
         raise SettingsError(f"--jobs must be at least 1, not {options.jobs}")
     return run(

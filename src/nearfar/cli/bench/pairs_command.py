@@ -8,6 +8,7 @@ from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.pairs_plot import plot_pairs
 from nearfar.bench.pairs_summary import table_three
 from nearfar.bench.paper_size import resized_to_paper
+from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import success_table, time_table
 from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases, sampled
 from nearfar.cli.options import Flag, SettingsOptions
@@ -42,6 +43,7 @@ def pairs_command(
         "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (
             table_three(rows)
         ),
+        "Wrong (strict) among the answers, at the share of pairs answered": risk_table(rows),
         "Median seconds by stage, where it ran": time_table(rows),
     }
     for title, table in titles.items():

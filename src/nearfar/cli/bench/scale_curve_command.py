@@ -12,7 +12,7 @@ from rich.progress import Progress
 from nearfar.bench.backgrounds import Backgrounds
 from nearfar.bench.cases import Case
 from nearfar.bench.curve_tables import difference_table, half_table, rate_table
-from nearfar.bench.curves import import_library, outcomes
+from nearfar.bench.curves import outcomes
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.plots_curve import plot_curve
 from nearfar.bench.rows import Row
@@ -34,6 +34,7 @@ from nearfar.cli.bench.options import (
 )
 from nearfar.cli.options import SettingsOptions
 from nearfar.errors import BenchmarkError
+from nearfar.extras import require
 
 _TITLES = {
     "pairs": "Real pairs by their own scale change",
@@ -76,8 +77,7 @@ def scale_curve_command(
         sets: Use the pairs of this set only, e.g. homogr; may be repeated.
         case_seed: Seed of tilts, places and scenes.
     """
-    for library in ("scipy", "matplotlib"):
-        import_library(library)
+    require("bench", "matplotlib", "scipy")
     modes = [each for each in MODES if not mode or "all" in mode or each in mode]
     found = find_pairs(pairs)
     bases = base_pairs(found, sets)

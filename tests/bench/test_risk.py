@@ -1,0 +1,35 @@
+"""Risk against coverage, by hand."""
+
+from nearfar.bench.risk import risk_table
+from nearfar.bench.rows import Row
+
+
+def row(exponent: float | None, right: bool, status: str = "localized") -> Row:
+    return {
+        "method": "sift",
+        "descriptor": None,
+        "status": status,
+        "log10_false_alarms": exponent,
+        "strict": right,
+    }
+
+
+def test_risk_falls_as_more_is_refused() -> None:
+    rows = [
+        row(-200, True),
+        row(-60, True),
+        row(-15, False),
+        row(-5, False),
+        row(None, False),
+        row(None, False, "failed"),
+    ]
+    cells = [line.split("|")[2].strip() for line in risk_table(rows).splitlines()[2:]]
+    assert cells == [
+        "0.60 at 0.83",
+        "0.50 at 0.67",
+        "0.33 at 0.50",
+        "0.00 at 0.33",
+        "0.00 at 0.33",
+        "0.00 at 0.17",
+    ]
+    assert "no answer at 0.00" in risk_table(rows[3:])
