@@ -69,6 +69,18 @@ def test_counts_of_the_real_poses(extra_data: Path) -> None:
         assert number in printed
 
 
+def test_every_model_counts_whatever_else_is_set(kitti: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = nearfar(
+        *("bench", "kitti", kitti, "--out", out),
+        *("--method", "orb", "--max-size", "300", "--sample", "1"),
+    )
+    assert result.returncode == 0, result.stderr
+    (settings,) = json.loads((out / "run.json").read_text())["settings"].values()
+    assert (settings["method"], settings["max_size"]) == ("orb", 300)
+    assert settings["max_false_alarms"] == "inf"
+
+
 def test_usage_errors(kitti: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert_bad_input(nearfar("bench", "kitti", kitti), "--out")

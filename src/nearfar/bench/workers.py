@@ -1,5 +1,6 @@
 """Where the work of a benchmark is done: this process, local processes, or a Dask cluster."""
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
@@ -86,22 +87,17 @@ class Workers:
         require("bench", "joblib", *(() if self.scheduler is None else ("distributed",)))
         from joblib import Parallel, delayed, parallel_config
 
-        context = ExitStack()
-        try:
+        # A single local job would run in this process.
+        jobs = max(2, self.jobs) if self.scheduler is None else -1
+        with ExitStack() as context:
+            # Joblib replaces workers whose memory grows, and warns each time.
+            context.enter_context(warnings.catch_warnings())
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
             if self.scheduler is None:
                 context.enter_context(parallel_config(backend="loky", inner_max_num_threads=1))
             else:
-                from distributed import Client
-
-                context.enter_context(Client(self.scheduler, timeout=CONNECTION_SECONDS))
+                context.enter_context(self._client(self.scheduler))
                 context.enter_context(parallel_config(backend="dask"))
-        except OSError as error:
-            raise BenchmarkError(
-                f"the scheduler {self.scheduler} cannot be reached: {error}"
-            ) from error
-        # A single local job would run in this process.
-        jobs = max(2, self.jobs) if self.scheduler is None else -1
-        with context:
             parallel = Parallel(
                 n_jobs=jobs,
                 return_as="generator_unordered",
@@ -109,6 +105,16 @@ class Workers:
                 pre_dispatch=HANDED_OUT_PER_JOB * abs(jobs),
             )
             return parallel, delayed, context.pop_all()
+
+    @staticmethod
+    def _client(address: str) -> AbstractContextManager[Any]:
+        from distributed import Client
+
+        try:
+            client: AbstractContextManager[Any] = Client(address, timeout=CONNECTION_SECONDS)
+            return client
+        except OSError as error:
+            raise BenchmarkError(f"the scheduler {address} cannot be reached: {error}") from error
 
 
 def worker_deaths() -> tuple[type[Exception], ...]:

@@ -4,27 +4,24 @@ from pathlib import Path
 
 from rich.console import Console
 
-from nearfar.bench.report.requirements import ReportError, require_packages
+from nearfar.extras import require
 
 
 def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
     """Write a report of benchmark results: a page, LaTeX tables, and all rows as CSV and Parquet.
 
     A RUN is a folder that `nearfar bench` wrote. Results of the same benchmark in several runs are
-    shown beside each other; where case and settings are the same, the later run counts. The page is
-    one file that needs no network.
+    shown beside each other; where case and settings are the same, the later run counts. The page
+    is one file that needs no network.
 
     Args:
         run: Folder of results.
         runs: Further folders of results.
         out: Folder for the report; by default `report` in the first RUN.
     """
-    require_packages()
+    require("bench", "jinja2", "matplotlib", "pyarrow")
     from nearfar.bench.report.write import write_report
 
-    folder = run / "report" if out is None else out
-    if folder.exists() and not folder.is_dir():
-        raise ReportError(f"{folder} is not a folder; choose another with --out")
     console = Console(highlight=False, soft_wrap=True)
-    for file in write_report([run, *runs], folder):
+    for file in write_report([run, *runs], run / "report" if out is None else out):
         console.print(str(file), markup=False)

@@ -1,4 +1,4 @@
 """A report of benchmark results: one self-contained page, LaTeX tables, and the rows as tables.
 
-Everything but `requirements` needs the optional dependencies of `nearfar[report]`.
+Its modules need the packages of the extra `bench`.
 """

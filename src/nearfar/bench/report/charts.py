@@ -27,6 +27,7 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,
     "text.color": INK,
     "axes.labelcolor": MUTED,
+    "axes.labelpad": 7,
     "axes.edgecolor": GRID,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -77,7 +78,7 @@ def chart(
         axes = figure.subplots()
         draw(axes)
         if axes.get_legend_handles_labels()[0]:
-            figure.legend(loc="outside upper left", ncols=2, borderaxespad=0.2, handlelength=1.4)
+            figure.legend(loc="outside upper left", ncols=3, borderaxespad=0.2, handlelength=1.4)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     return Chart(title, note, _inlined(buffer.getvalue(), name))

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 
+from nearfar.bench.kitti_summary import log_fit
 from nearfar.bench.report.charts import GRID, MARKERS, MUTED, SERIES
 from nearfar.bench.report.summary import Share
 
@@ -20,15 +21,8 @@ def shares_against(
     y = 100 * np.array([share.value for share in shares])
     low, high = (100 * np.array([s.interval[end] for s in shares]) for end in (0, 1))
     number = series[method]
-    axes.errorbar(
-        x,
-        y,
-        np.abs([y - low, high - y]),
-        color=colour(number),
-        marker=marker(number),
-        elinewidth=0.8,
-        label=method,
-    )
+    axes.fill_between(x, low, high, color=colour(number), alpha=0.13, linewidth=0)
+    axes.plot(x, y, color=colour(number), marker=marker(number), label=method)
     axes.set_ylim(-3, 103)
 
 
@@ -53,10 +47,14 @@ def fit(axes: Axes, x: Sequence[float], y: Sequence[float], number: int) -> None
     """Draw the least-squares fit of y = a + b ln x."""
     if len(set(x)) < 2 or min(x) <= 0:
         return
-    slope, offset = np.polyfit(np.log(x), y, 1)
+    found = log_fit(x, y)
     along = np.geomspace(min(x), max(x), 50)
     axes.plot(
-        along, offset + slope * np.log(along), color=colour(number), linewidth=1.2, linestyle="--"
+        along,
+        found.a + found.b * np.log(along),
+        color=colour(number),
+        linewidth=1.2,
+        linestyle="--",
     )
 
 

@@ -2,12 +2,14 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from nearfar.bench.report.requirements import ReportError
+from nearfar.bench.tables import method_name
+from nearfar.errors import BenchmarkError
 
 _NAMED = {"true_scale_change", "inliers", "matches", "landmark_matches", "scale_change", "error"}
 """Numbers of a row that have a field of their own."""
@@ -29,6 +31,8 @@ class Result:
         loose: the same by the loose limit.
         error: in pixels, or degrees of a pose.
         true_scale_change: of the case.
+        distance: between the cameras in metres.
+        licence: of the images; None where not stated.
         far: path of the far image as the row has it.
         near: path of the near image.
         homography: 3x3 rows, mapping near to far pixels; None for other models.
@@ -48,6 +52,8 @@ class Result:
     loose: bool
     error: float | None
     true_scale_change: float | None
+    distance: float | None
+    licence: str | None
     far: Path | None
     near: Path | None
     homography: Sequence[Sequence[float]] | None
@@ -103,18 +109,18 @@ def load_benchmarks(folders: Sequence[Path]) -> list[Benchmark]:
     """The benchmarks in result folders; files of the same name are one benchmark.
 
     Raises:
-        ReportError: a folder does not exist, or there are no results in any.
+        BenchmarkError: a folder does not exist, or there are no results in any.
     """
     files: dict[str, list[Path]] = {}
     for folder in folders:
         if not folder.is_dir():
-            raise ReportError(f"{folder} is not a folder of results")
+            raise BenchmarkError(f"{folder} is not a folder of results")
         for file in sorted(folder.glob("*.jsonl")):
             files.setdefault(file.stem, []).append(file)
     benchmarks = [_read_benchmark(name, of_name) for name, of_name in files.items()]
     found = [benchmark for benchmark in benchmarks if benchmark.results]
     if not found:
-        raise ReportError(
+        raise BenchmarkError(
             f"there are no results in {', '.join(map(str, folders))}: run nearfar bench first"
         )
     return found
@@ -150,7 +156,7 @@ def _read_benchmark(name: str, files: Sequence[Path]) -> Benchmark:
                 skipped += 1
             else:
                 rows[row["case"], row.get("settings"), row["method"]] = row
-    names = _method_names(list(rows.values()))
+    names = _distinct_names(list(rows.values()))
     results = (_result(row, names[_identity(row)]) for row in rows.values())
     return Benchmark(name, tuple(results), skipped)
 
@@ -165,31 +171,23 @@ def _row(line: bytes) -> dict[str, Any] | None:
     return row if all(isinstance(row.get(key), str) for key in ("case", "method")) else None
 
 
-def _identity(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    return row["method"], str(row.get("descriptor") or ""), str(row.get("settings") or "")
+def _identity(row: Mapping[str, Any]) -> tuple[str, str]:
+    return method_name(dict(row)), str(row.get("settings") or "")
 
 
-def _method_names(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, str], str]:
-    """A name for each method, descriptor and settings; the settings only where they differ.
-
-    A row without an answer may lack the descriptor: it is that of the other rows.
-    """
-    descriptors = {(m, s): d for m, d, s in map(_identity, rows) if d}
-    plain = {}
-    for method, descriptor, settings in map(_identity, rows):
-        used = descriptor or descriptors.get((method, settings), "")
-        plain[method, descriptor, settings] = f"{method} ({used})" if used else method
-    sharing: dict[str, set[str]] = {}
-    for (_, _, settings), name in plain.items():
-        sharing.setdefault(name, set()).add(settings)
+def _distinct_names(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], str]:
+    """A name for each method and settings, with the settings only where the method has several."""
+    identities = dict.fromkeys(map(_identity, rows))
+    often = Counter(name for name, _ in identities)
     return {
-        identity: name if len(sharing[name]) == 1 else f"{name} · {identity[2][:6]}"
-        for identity, name in plain.items()
+        (name, settings): name if often[name] == 1 else f"{name} · {settings[:6]}"
+        for name, settings in identities
     }
 
 
 def _result(row: Mapping[str, Any], method: str) -> Result:
     numbers = {name: number for name in row if (number := _number(row[name])) is not None}
+    tags = _table(row.get("tags"))
     homography = _table(row.get("far_from_near")).get("homography")
     return Result(
         case=row["case"],
@@ -203,6 +201,8 @@ def _result(row: Mapping[str, Any], method: str) -> Result:
         loose=row.get("loose") is True,
         error=numbers.get("error"),
         true_scale_change=numbers.get("true_scale_change"),
+        distance=_number(tags.get("distance")),
+        licence=None if tags.get("licence") is None else str(tags["licence"]),
         far=_path(row.get("far")),
         near=_path(row.get("near")),
         homography=homography if _is_matrix(homography) else None,

@@ -1,5 +1,6 @@
 """The charts of a benchmark."""
 
+import math
 import statistics
 from collections.abc import Iterator, Sequence
 
@@ -7,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from nearfar.bench.evaluate import STRICT_DEGREES, STRICT_PX
+from nearfar.bench.kitti_summary import MEASURES
 from nearfar.bench.report.charts import SERIES, Chart, chart
 from nearfar.bench.report.drawing import (
     LEAST_ERROR,
@@ -22,8 +24,10 @@ from nearfar.bench.report.load import Benchmark, Result
 from nearfar.bench.report.summary import (
     by_group,
     by_method,
+    group_axis,
     group_number,
     is_pose,
+    mean_distance,
     measured,
     numbered,
     stage_means,
@@ -33,14 +37,10 @@ from nearfar.bench.report.summary import (
 _MOST_METHODS = len(SERIES)
 _MOST_POINTS = 2_000
 """Of more results, evenly many are drawn."""
+_MOST_TICKS = 12
 _SHOWN = 99.5
 """Largest share of the errors, in percent, that an axis makes room for."""
-_MEASURES = {
-    "t_err_stereo": "t_err, length from stereo",
-    "t_err_unit": "t_err, unit length",
-    "t_err_length": "t_err, true length",
-    "r_err": "r_err",
-}
+_BANDS = "Bands: 95 % interval (Wilson)."
 
 Methods = dict[str, list[Result]]
 
@@ -59,11 +59,11 @@ def charts_of(benchmark: Benchmark, series: dict[str, int]) -> list[Chart]:
 def _charts(benchmark: Benchmark, methods: Methods, series: dict[str, int]) -> Iterator[Chart]:
     name, strict = benchmark.name, _strict_limit(benchmark)
     if numbered(benchmark):
-        title, note = _axis(benchmark), "Bars: 95 % interval (Wilson)."
+        title = _axis(benchmark)
         yield chart(
             f"{name}-success",
             f"Success by {title}",
-            f"Share of cases within {strict}. {note}",
+            f"Share of cases within {strict}. {_BANDS}",
             lambda axes: _success_lines(axes, methods, series, title),
         )
         yield chart(
@@ -109,7 +109,7 @@ def _against_scale(
         lambda axes: _error_marks(axes, benchmark, drawn, series),
         height=3.6,
     )
-    if measured(scaled, "log_ste"):
+    if measured(scaled, "ste"):
         yield chart(
             f"{benchmark.name}-ste",
             "Transfer error against scale change",
@@ -122,9 +122,9 @@ def _against_scale(
 def _paper_measures(
     benchmark: Benchmark, methods: Methods, series: dict[str, int]
 ) -> Iterator[Chart]:
-    if not numbered(benchmark) or not measured(benchmark.results, "distance"):
+    if mean_distance(benchmark.results) is None:
         return
-    for measure, label in _MEASURES.items():
+    for measure, label in MEASURES.items():
         if measured(benchmark.results, measure):
             yield chart(
                 f"{benchmark.name}-{measure}",
@@ -132,10 +132,12 @@ def _paper_measures(
                 "Means of the groups; dashed: fit of a + b ln x.",
                 lambda axes, m=measure, t=label: _fitted_means(axes, methods, series, m, t),  # type: ignore[misc]
             )
+    if all(result.localized for result in benchmark.results):
+        return
     yield chart(
         f"{benchmark.name}-failures",
         "Failures against distance",
-        "Share of cases without an answer. Bars: 95 % interval (Wilson).",
+        f"Share of cases without an answer. {_BANDS}",
         lambda axes: _failure_lines(axes, methods, series),
     )
 
@@ -147,15 +149,15 @@ def _success_lines(axes: Axes, methods: Methods, series: dict[str, int], label: 
         shares_against(
             axes, method, [group_number(group) or 0.0 for group in groups], shares, series
         )
-    axes.set_xlabel(label)
+    _group_axis(axes, methods, label)
     axes.set_ylabel("success, %")
 
 
 def _failure_lines(axes: Axes, methods: Methods, series: dict[str, int]) -> None:
     for method, results in methods.items():
-        groups = [each for each in by_group(results).values() if measured(each, "distance")]
-        shares = [summarize(each).unanswered for each in groups]
-        shares_against(axes, method, [_distance(each) for each in groups], shares, series)
+        groups = [(x, g) for g in by_group(results).values() if (x := mean_distance(g)) is not None]
+        shares = [summarize(group).unanswered for _, group in groups]
+        shares_against(axes, method, [x for x, _ in groups], shares, series)
     axes.set_xlabel("mean distance, m")
     axes.set_ylabel("no answer, %")
 
@@ -200,7 +202,7 @@ def _error_lines(
         number = series[method]
         axes.plot(*_columns(there), color=colour(number), marker=marker(number), label=method)
     error_axis(axes, _limit(benchmark), f"median error, {_unit(benchmark)}")
-    axes.set_xlabel(_axis(benchmark))
+    _group_axis(axes, methods, _axis(benchmark))
 
 
 def _error_marks(
@@ -226,9 +228,9 @@ def _error_marks(
 def _fitted_marks(axes: Axes, methods: Methods, series: dict[str, int]) -> None:
     for method, results in methods.items():
         points = [
-            (r.true_scale_change, r.measures["log_ste"])
+            (r.true_scale_change, math.log(r.measures["ste"]))
             for r in results
-            if r.true_scale_change and "log_ste" in r.measures
+            if r.true_scale_change and r.measures.get("ste", 0) > 0
         ]
         x, y = _columns(points)
         marks(axes, method, x, y, series)
@@ -241,11 +243,10 @@ def _fitted_means(
     axes: Axes, methods: Methods, series: dict[str, int], measure: str, label: str
 ) -> None:
     for method, results in methods.items():
-        groups = [g for g in by_group(results).values() if measured(g, "distance")]
         points = [
-            (_distance(g), statistics.fmean(measured(g, measure)))
-            for g in groups
-            if measured(g, measure)
+            (distance, statistics.fmean(values))
+            for g in by_group(results).values()
+            if (distance := mean_distance(g)) is not None and (values := measured(g, measure))
         ]
         x, y = _columns(points)
         marks(axes, method, x, y, series)
@@ -272,9 +273,18 @@ def _time_bars(axes: Axes, methods: Methods) -> None:
     axes.set_xlabel("seconds")
 
 
+def _group_axis(axes: Axes, methods: Methods, label: str) -> None:
+    """Make x the numbers of the groups, each with a tick where there is room."""
+    groups = by_group(result for results in methods.values() for result in results)
+    if len(groups) <= _MOST_TICKS:
+        names = [group.rpartition("=")[2] for group in groups]
+        axes.set_xticks([group_number(group) or 0.0 for group in groups], names)
+    axes.set_xlabel(label)
+
+
 def _best(methods: Methods) -> Methods:
     """As many methods as there are colours, those with most successes, in their order."""
-    ranked = sorted(methods, key=lambda m: summarize(methods[m]).strict.value, reverse=True)
+    ranked = sorted(methods, key=lambda m: summarize(methods[m]).strict.interval, reverse=True)
     kept = set(ranked[:_MOST_METHODS])
     return {method: results for method, results in methods.items() if method in kept}
 
@@ -283,13 +293,9 @@ def _columns(points: Sequence[tuple[float, float]]) -> tuple[list[float], list[f
     return [x for x, _ in points], [y for _, y in points]
 
 
-def _distance(results: Sequence[Result]) -> float:
-    return statistics.fmean(measured(results, "distance"))
-
-
 def _axis(benchmark: Benchmark) -> str:
     """What the numbers of the groups are, e.g. j."""
-    return benchmark.results[0].group.partition("=")[0]
+    return group_axis(benchmark.results[0].group)
 
 
 def _limit(benchmark: Benchmark) -> float:

@@ -5,22 +5,14 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from nearfar.bench.kitti_summary import MEASURES, PAPER_TABLE_II
+from nearfar.bench.pairs_summary import PAPER_TABLE_III
 from nearfar.bench.report.load import Benchmark, Result
-from nearfar.bench.report.summary import DASH, by_method, is_pose, measured
+from nearfar.bench.report.summary import DASH, by_method, is_pose, measured, summarize
 
+_PAPER_PAIRS = 40_748
 KITTI_PAIRS = range(40_000, 42_000)
-"""So many pairs of sequences 00-10 are the paper's experiment (it says 40,748)."""
-
-_KITTI_COLUMNS = {
-    "t_err_stereo": "t_err, stereo scale",
-    "t_err_unit": "t_err, unit length",
-    "t_err_length": "t_err, true length",
-    "r_err": "r_err",
-}
-_NO_HOMOGRAPHY = 15_833_861_380.8
-"""The paper's symmetric transfer error of a pair without an answer."""
-
-_SAME_IMAGES = "The rows of the paper are over 40,748 pairs of sequences 00-10."
+"""So many pairs of sequences 00-10 are the paper's experiment."""
 
 
 @dataclass(frozen=True)
@@ -50,74 +42,52 @@ def comparison(benchmark: Benchmark) -> Comparison | None:
 
 
 def _table_ii(benchmark: Benchmark) -> Comparison | None:
-    columns = {k: v for k, v in _KITTI_COLUMNS.items() if measured(benchmark.results, k)}
-    if not columns:
+    if not any(measured(benchmark.results, name) for name in MEASURES):
         return None
-    paper = {
-        "SIFT": (0.680, 0.149, "1,854"),
-        "objects": (0.744, 0.232, "7,146"),
-        "proposed": (0.641, 0.086, "785"),
-    }
     lines = []
-    for method, (t_err, r_err, failures) in paper.items():
+    for method, (t_err, r_err, failures) in PAPER_TABLE_II.items():
         cells = {"t_err_stereo": f"{t_err:.3f}", "r_err": f"{r_err:.3f}"}
-        found = tuple(cells.get(name, DASH) for name in columns)
-        lines.append(Line(f"paper: {method}", True, ("40,748", *found, failures)))
+        found = (cells.get(name, DASH) for name in MEASURES)
+        lines.append(Line(method, True, (f"{_PAPER_PAIRS:,}", *found, f"{failures:,}")))
     for method, results in by_method(benchmark).items():
-        failures = f"{sum(not result.localized for result in results):,}"
-        means = tuple(_mean(_filled(results, name), 3) for name in columns)
-        lines.append(Line(method, False, (f"{len(results):,}", *means, failures)))
-    sizes = [len(results) for results in by_method(benchmark).values()]
-    complete = all(size in KITTI_PAIRS for size in sizes)
-    note = _SAME_IMAGES if complete else f"Not comparable: other pairs of images. {_SAME_IMAGES}"
+        unanswered = f"{summarize(results).unanswered.count:,}"
+        means = (_mean(measured(results, name)) for name in MEASURES)
+        lines.append(Line(method, False, (f"{len(results):,}", *means, unanswered)))
+    complete = all(len(results) in KITTI_PAIRS for results in by_method(benchmark).values())
     return Comparison(
         "The paper's Table II",
-        f"{note} Its t_err has the length of the translation from stereo. Without an answer both "
-        "errors are 1.",
-        ("pairs", *columns.values(), "failures"),
+        f"{'' if complete else 'Not comparable: other pairs. '}The paper's rows are over "
+        f"{_PAPER_PAIRS:,} pairs of sequences 00-10, with the length of the translation from "
+        "stereo. Means over all pairs; without an answer an error is 1.",
+        ("pairs", *MEASURES.values(), "failures"),
         tuple(lines),
     )
 
 
 def _table_iii(benchmark: Benchmark) -> Comparison | None:
-    if not any(measured(benchmark.results, name) for name in ("ste", "ste_published")):
+    if not measured(benchmark.results, "ste"):
         return None
     lines = [
-        Line("paper: SIFT", True, ("31", DASH, "10.654")),
-        Line("paper: best (res3d, 64)", True, ("31", DASH, "9.339")),
+        Line(method, True, ("31", DASH, f"{value:.3f}", DASH))
+        for method, value in PAPER_TABLE_III.items()
     ]
     for method, results in by_method(benchmark).items():
         planar = [result for result in results if result.model == "homography"]
         means = (_mean_log(planar, name) for name in ("ste", "ste_published"))
-        lines.append(Line(method, False, (f"{len(planar):,}", *means)))
+        unanswered = f"{summarize(planar).unanswered.count:,}"
+        lines.append(Line(method, False, (f"{len(planar):,}", *means, unanswered)))
     return Comparison(
         "The paper's Table III",
-        "Not comparable: other images. Mean natural logarithm of the symmetric transfer error; the "
-        "paper's published code leaves out the homogeneous division, which the last column does "
-        "too.",
-        ("pairs", "ln STE", "ln STE as published"),
+        "Not comparable: other images. Mean natural logarithm of the symmetric transfer error "
+        "(STE) of ten points; the paper's published code leaves out the homogeneous division.",
+        ("pairs", "mean ln STE", "mean ln STE, published code", "failures"),
         tuple(lines),
     )
 
 
-def _filled(results: Sequence[Result], name: str) -> list[float]:
-    """The values of an error, 1 where there is no answer."""
-    return [
-        result.measures.get(name, 1.0)
-        for result in results
-        if name in result.measures or not result.localized
-    ]
-
-
 def _mean_log(results: Sequence[Result], name: str) -> str:
-    """Mean natural logarithm of a transfer error, the paper's largest where there is no answer."""
-    values = [
-        result.measures.get(name, _NO_HOMOGRAPHY)
-        for result in results
-        if name in result.measures or not result.localized
-    ]
-    return _mean([math.log(value) for value in values if value > 0], 3)
+    return _mean([math.log(value) for value in measured(results, name) if value > 0])
 
 
-def _mean(values: Sequence[float], digits: int) -> str:
-    return f"{statistics.fmean(values):.{digits}f}" if values else DASH
+def _mean(values: Sequence[float]) -> str:
+    return f"{statistics.fmean(values):.3f}" if values else DASH

@@ -1,6 +1,7 @@
 """Counting successes, with their uncertainty, and averaging errors and times."""
 
 import math
+import re
 import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -9,6 +10,9 @@ from nearfar.bench.report.load import Benchmark, Result
 
 DASH = "\N{EN DASH}"
 """Between the limits of an interval, and where there is no value."""
+
+_RANGE = re.compile(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
+_NUMBERED = re.compile(r"(\w+)=(-?\d+(?:\.\d+)?)")
 
 _Z = 1.959963984540054
 """Of a two-sided interval of 95 %."""
@@ -80,13 +84,17 @@ def by_group(results: Iterable[Result]) -> dict[str, list[Result]]:
 
 
 def group_number(group: str) -> float | None:
-    """The 4 of "j=4"; None of a group without a number."""
-    _, equals, text = group.partition("=")
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if equals and math.isfinite(number) else None
+    """The 4 of "j=4", the middle of "4-6"; None of a group without a number."""
+    if found := _RANGE.fullmatch(group):
+        return (float(found[1]) + float(found[2])) / 2
+    found = _NUMBERED.fullmatch(group)
+    return float(found[2]) if found else None
+
+
+def group_axis(group: str) -> str:
+    """What the number of a group is, e.g. j; ranges are of scale change."""
+    found = _NUMBERED.fullmatch(group)
+    return found[1] if found else "scale change"
 
 
 def numbered(benchmark: Benchmark) -> bool:
@@ -108,6 +116,12 @@ def measure_names(results: Iterable[Result]) -> list[str]:
 def measured(results: Iterable[Result], name: str) -> list[float]:
     """The values of a further number, where the rows have it."""
     return [result.measures[name] for result in results if name in result.measures]
+
+
+def mean_distance(results: Sequence[Result]) -> float | None:
+    """Mean distance between the cameras; None where unknown."""
+    distances = [result.distance for result in results if result.distance is not None]
+    return statistics.fmean(distances) if distances else None
 
 
 def stage_means(results: Sequence[Result]) -> dict[str, float]:
@@ -137,4 +151,4 @@ def _grouped(results: Iterable[Result], key: Callable[[Result], str]) -> dict[st
 
 def _natural(group: str) -> tuple[str, float, str]:
     number = group_number(group)
-    return (group, 0.0, "") if number is None else (group.partition("=")[0], number, group)
+    return (group, 0.0, "") if number is None else (group_axis(group), number, group)

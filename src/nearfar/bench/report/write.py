@@ -20,7 +20,7 @@ def write_report(runs: Sequence[Path], out: Path) -> list[Path]:
         The files written.
 
     Raises:
-        ReportError: there are no results.
+        BenchmarkError: there are no results.
         OSError: a file cannot be written.
     """
     benchmarks = load_benchmarks(runs)

@@ -11,8 +11,8 @@ from nearfar.bench.kitti_plots import plot_kitti
 from nearfar.bench.kitti_summary import fit_table, step_table, table_two
 from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import time_table
-from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases
-from nearfar.cli.options import Flag, SettingsOptions
+from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases
+from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
 
 PAPER_PAIRS = 40_748
@@ -25,7 +25,7 @@ def kitti_command(
     count_only: Flag = False,
     sequence: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
     options: RunOptions | None = None,
-    settings: SettingsOptions = ACCEPT_ALL,
+    settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Estimate the relative poses of the paper's pairs of KITTI Odometry frames.
 

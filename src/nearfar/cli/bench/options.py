@@ -1,5 +1,6 @@
 """Options and steps that the benchmarks share."""
 
+import math
 import random
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +18,22 @@ from nearfar.extras import require
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
 
-ACCEPT_ALL = Settings(max_false_alarms=float("inf"))
-"""Defaults of the benchmarks: every model counts, as in the paper."""
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _BenchSettings(Settings):
+    """Settings of a benchmark: by default every model counts, as in the paper."""
+
+    method: Annotated[str, Parameter(parse=False)] = "paper"
+    descriptor: Annotated[str, Parameter(parse=False)] = "hog"
+    max_false_alarms: float = math.inf
+    """Count as a failure where so many models as good as the one found are expected by chance; inf
+    accepts every model, as the paper does."""
+
+
+BenchSettings = Annotated[_BenchSettings, Parameter(name="*", group="Settings")]
+"""All settings but those that are compared, each as one option."""
+
+DEFAULTS = _BenchSettings()
 
 _Names = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 

@@ -10,8 +10,8 @@ from nearfar.bench.pairs_summary import table_three
 from nearfar.bench.paper_size import resized_to_paper
 from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import success_table, time_table
-from nearfar.cli.bench.options import ACCEPT_ALL, RunOptions, run_cases, sampled
-from nearfar.cli.options import Flag, SettingsOptions
+from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases, sampled
+from nearfar.cli.options import Flag
 
 
 def pairs_command(
@@ -20,7 +20,7 @@ def pairs_command(
     *,
     options: RunOptions,
     paper_size: Flag = False,
-    settings: SettingsOptions = ACCEPT_ALL,
+    settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Localize the image pairs of FOLDER and compare with their true points.
 

@@ -27,12 +27,12 @@ from nearfar.bench.scale_curve import (
 )
 from nearfar.bench.tables import time_table
 from nearfar.cli.bench.options import (
-    ACCEPT_ALL,
+    DEFAULTS,
+    BenchSettings,
     RunOptions,
     run_cases,
     sampled,
 )
-from nearfar.cli.options import SettingsOptions
 from nearfar.errors import BenchmarkError
 from nearfar.extras import require
 
@@ -59,7 +59,7 @@ def scale_curve_command(
     factors: Factors = FACTORS,
     sets: Sets = (),
     case_seed: int = 0,
-    settings: SettingsOptions = ACCEPT_ALL,
+    settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Measure success against total scale change on real images.
 

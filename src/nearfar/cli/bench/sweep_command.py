@@ -9,9 +9,9 @@ from rich.console import Console
 from nearfar.bench.kitti import find_kitti_cases
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
-from nearfar.cli.bench.options import ACCEPT_ALL, sampled
-from nearfar.cli.options import SettingsOptions, WeightOptions, with_weights
-from nearfar.errors import BenchmarkError, SettingsError
+from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
+from nearfar.cli.options import WeightOptions, with_weights
+from nearfar.errors import BenchmarkError
 
 _Several = Parameter(negative="", consume_multiple=True, show_default=False)
 
@@ -30,7 +30,7 @@ def sweep_command(
     sample: int = 0,
     disk_gigabytes: float = 20.0,
     weights: WeightOptions = (),
-    settings: SettingsOptions = ACCEPT_ALL,
+    settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Compare all layers and crop sizes of a network as landmark descriptors of method `paper`.
 
@@ -55,8 +55,6 @@ def sweep_command(
     """
     if pairs is None and kitti is None:
         raise BenchmarkError("give image pairs with --pairs FOLDER, --kitti FOLDER, or both")
-    if (settings.method, settings.descriptor) != (ACCEPT_ALL.method, ACCEPT_ALL.descriptor):
-        raise SettingsError("a sweep chooses the method and the descriptors: see --network, --sum")
     common = with_weights(settings, weights)
     grid = Grid(network, layers, sizes, sums)
     benchmarks = {}
