@@ -1,5 +1,6 @@
 """Reading of every format, depth and orientation, and coordinates."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,8 @@ def test_formats_agree(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-@pytest.mark.parametrize("deep", [False, True])
-def test_exif_orientation_is_applied(tmp_path: Path, orientation: int, deep: bool) -> None:
+@pytest.mark.parametrize("kind", ["png", "webp", "tif", "deep tif"])
+def test_exif_orientation_is_applied(tmp_path: Path, orientation: int, kind: str) -> None:
     upright = {
         1: GRADIENT,
         2: GRADIENT[:, ::-1],
@@ -50,24 +51,24 @@ def test_exif_orientation_is_applied(tmp_path: Path, orientation: int, deep: boo
         7: GRADIENT[::-1, ::-1].swapaxes(0, 1),
         8: np.rot90(GRADIENT),
     }
-    path = tmp_path / "a.tif"
-    if deep:
+    path = tmp_path / f"a.{kind.split()[-1]}"
+    if kind == "deep tif":
         stored = GRADIENT.astype(np.uint16) * 257
         imwrite(path, stored, photometric="rgb", extratags=[(274, "H", 1, orientation, True)])
     else:
         exif = PillowImage.Exif()
         exif[0x0112] = orientation
-        save(path, GRADIENT, exif=exif)
+        save(path, GRADIENT, exif=exif, lossless=True)
     image = read_image(path)
     assert (image.height, image.width) == upright[orientation].shape[:2]
     np.testing.assert_array_equal(image.pixels, upright[orientation])
 
 
-@pytest.mark.parametrize("suffix", ["png", "tif"])
+@pytest.mark.parametrize("suffix", ["png", "tif", "ppm"])
 @pytest.mark.parametrize("channels", [1, 3])
 def test_sixteen_bits_equal_eight(tmp_path: Path, suffix: str, channels: int) -> None:
     eight = GRADIENT if channels == 3 else GRADIENT[..., 0]
-    path = tmp_path / f"a.{suffix}"
+    path = tmp_path / f"a.{'pgm' if (suffix, channels) == ('ppm', 1) else suffix}"
     deep = np.uint16(257)
     if suffix == "tif":
         imwrite(path, eight * deep)
@@ -117,6 +118,25 @@ def test_truncated_sixteen_bit_colour(tmp_path: Path, suffix: str) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(ImageError):
         read_image(path)
+
+
+def test_damaged_exif_data_are_ignored(tmp_path: Path) -> None:
+    exif = PillowImage.Exif()
+    exif[0x0112] = 6
+    path = save(tmp_path / "a.jpg", GRADIENT, exif=exif, quality=100, subsampling=0)
+    content = path.read_bytes()
+    place = content.index(b"Exif")
+    path.write_bytes(content[: place + 20] + bytes(255 for _ in range(8)) + content[place + 28 :])
+    assert read_image(path).pixels.shape in {(30, 40, 3), (40, 30, 3)}
+
+
+def test_what_is_no_regular_file_or_path_is_refused(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.png"
+    os.mkfifo(pipe)
+    with pytest.raises(ImageError, match="regular file"):
+        read_image(pipe)
+    with pytest.raises(ImageError, match="path or an array"):
+        read_image([1, 2])  # type: ignore[arg-type]
 
 
 def test_pixel_limit_can_be_raised(tmp_path: Path) -> None:

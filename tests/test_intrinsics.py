@@ -53,6 +53,20 @@ def test_malformed_values_are_refused(tmp_path: Path, content: Any) -> None:
         read_intrinsics(file)
 
 
+def test_a_byte_order_mark_and_the_order_of_cameras_do_not_matter(tmp_path: Path) -> None:
+    file = tmp_path / "calib.txt"
+    file.write_text("P1: 9 0 9 0 0 9 9 0 0 0 1 0\nP0: 7 0 3 0 0 7 2 0 0 0 1 0\n", "utf-8-sig")
+    assert read_intrinsics(file).far == CameraIntrinsics(7, 7, 3, 2)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"far": [1%s], "near": [1]}' % ("0" * 5000)])
+def test_hostile_files_are_refused(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "intrinsics.json"
+    file.write_text(text)
+    with pytest.raises(IntrinsicsError):
+        read_intrinsics(file)
+
+
 @pytest.mark.parametrize("text", ["", "{", "P0: 1 2 3", "P0 1 2 3", "P: x"])
 def test_malformed_files_are_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "calib.txt"

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
-from PIL import ImageOps, UnidentifiedImageError
+from PIL import UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
 from nearfar.arrays import Matrix3, RGBPixels
@@ -88,7 +88,7 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
         pixels = _to_rgb8(_checked(source, max_pixels), max_size)
         height, width = source.shape[:2]
     else:
-        path = Path(source)
+        path = _regular_file(source)
         decoded = _decode(path, max_pixels)
         height, width = decoded.shape[:2]
         pixels = _to_rgb8(decoded, max_size)
@@ -112,6 +112,20 @@ def _checked(array: NDArray[Any], max_pixels: int) -> NDArray[Any]:
     return array
 
 
+def _regular_file(source: Any) -> Path:
+    try:
+        path = Path(source)
+    except TypeError:
+        raise ImageError(f"an image is a path or an array, not {type(source).__name__}") from None
+    if path.is_dir():
+        raise ImageError(f"{path} is a folder, not an image")
+    if not path.exists():
+        raise ImageError(f"{path} does not exist")
+    if not path.is_file():
+        raise ImageError(f"{path} is not a regular file")
+    return path
+
+
 def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
     if width * height > max_pixels:
         raise ImageError(
@@ -125,28 +139,36 @@ def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
     try:
         with _quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
             _check_limit(str(path), opened.width, opened.height, max_pixels)
-            if _is_deep_colour(opened):
-                opened.load()
-                return _decode_deep_colour(path, opened)
-            ImageOps.exif_transpose(opened, in_place=True)
-            if opened.mode.startswith("I;16"):
-                return np.asarray(opened).astype(np.uint16)
-            if opened.mode in ("I", "F"):
-                raise ImageError(
-                    f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel"
-                )
-            mode = _eight_bit_mode(opened)
-            return np.asarray(opened if opened.mode == mode else opened.convert(mode))
-    except FileNotFoundError:
-        raise ImageError(f"{path} does not exist") from None
-    except IsADirectoryError:
-        raise ImageError(f"{path} is a folder, not an image") from None
+            deep = _is_deep_colour(opened)
+            opened.load()
+            stored = _decode_deep_colour(path) if deep else _channels(path, opened)
+            return _oriented(stored, _orientation(opened))
     except UnidentifiedImageError:
         raise ImageError(
             f"{path} is not an image that can be read ({', '.join(FORMATS)})"
         ) from None
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
+    except ImageError:
+        raise
+    except Exception as error:  # Damaged files make decoders raise whatever they like.
         raise ImageError(f"{path} cannot be read: {error}") from error
+
+
+def _channels(path: Path, opened: ImageFile) -> NDArray[Any]:
+    """(height, width) or (height, width, channels) as stored."""
+    if opened.mode.startswith("I;16") or (opened.mode, opened.format) == ("I", "PPM"):
+        return np.asarray(opened).astype(np.uint16)
+    if opened.mode in ("I", "F"):
+        raise ImageError(f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel")
+    mode = _eight_bit_mode(opened)
+    return np.asarray(opened if opened.mode == mode else opened.convert(mode))
+
+
+def _orientation(image: ImageFile) -> int:
+    """The EXIF orientation, 1 (upright) where there is none or the EXIF data are damaged."""
+    try:
+        return int(image.getexif().get(0x0112, 1))
+    except Exception:
+        return 1
 
 
 def _eight_bit_mode(image: PillowImage.Image) -> str:
@@ -157,21 +179,22 @@ def _eight_bit_mode(image: PillowImage.Image) -> str:
 
 def _is_deep_colour(image: ImageFile) -> bool:
     """Whether a file has 16 bits a channel and several channels, which Pillow cuts to 8."""
-    return image.mode in ("RGB", "RGBA") and ";16" in str(image.tile)
+    if image.mode not in ("RGB", "RGBA"):
+        return False
+    tile = str(image.tile)
+    return ";16" in tile or (image.format == "PPM" and "65535" in tile)
 
 
-def _decode_deep_colour(path: Path, opened: PillowImage.Image) -> NDArray[Any]:
+def _decode_deep_colour(path: Path) -> NDArray[Any]:
     flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
     array = cv2.imdecode(np.fromfile(path, np.uint8), flags)
     if array is None:
         raise ImageError(f"{path} cannot be read: its 16-bit colour is of an unknown kind")
-    order = [2, 1, 0, 3][: array.shape[2]]
-    turns = opened.getexif().get(0x0112, 1)
-    return _oriented(array[..., order], turns)
+    return np.asarray(array[..., [2, 1, 0, 3][: array.shape[2]]])
 
 
 def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Apply an EXIF orientation (1..8) to (height, width, channels)."""
+    """Apply an EXIF orientation (1..8) to (height, width) or (height, width, channels)."""
     if orientation in (5, 6, 7, 8):
         array = array.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -197,7 +220,7 @@ def _quiet_pillow() -> Iterator[None]:
 def _to_rgb8(array: NDArray[Any], max_size: int) -> RGBPixels:
     """Reduce first, to keep the memory of large images low, then convert."""
     height, width = array.shape[:2]
-    largest = int(array.max())
+    largest = int((array[..., :3] if array.ndim == 3 else array).max())
     size = reduced_size(width, height, max_size)
     if array.ndim == 3 and array.shape[2] == 4:
         array = _flattened(array)

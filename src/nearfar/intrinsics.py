@@ -71,9 +71,16 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
         return source
     if isinstance(source, Mapping):
         return _from_mapping(source, "the intrinsics")
-    path = Path(source)
     try:
-        text = path.read_text(encoding="utf-8")
+        path = Path(source)
+    except TypeError:
+        raise IntrinsicsError(
+            f"intrinsics are a file or a mapping, not {type(source).__name__}"
+        ) from None
+    try:
+        if path.exists() and not path.is_file():
+            raise IntrinsicsError(f"intrinsics file {path} is not a regular file")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise IntrinsicsError(f"intrinsics file {path} cannot be read: {error}") from error
     if text.startswith("P") and ":" in text:
@@ -81,7 +88,7 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
         return Intrinsics(camera, camera)
     try:
         content = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise IntrinsicsError(
             f"intrinsics file {path} is neither JSON nor KITTI's calib.txt: {error}"
         ) from error
@@ -99,13 +106,14 @@ def _from_mapping(content: Any, name: str) -> Intrinsics:
 def _camera(values: Any, name: str) -> CameraIntrinsics:
     try:
         fx, fy, cx, cy = (float(value) for value in values)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise IntrinsicsError(f"{name}: [fx, fy, cx, cy] expected, not {values!r}") from None
     return CameraIntrinsics(fx, fy, cx, cy)
 
 
 def _from_kitti(text: str, path: Path) -> CameraIntrinsics:
-    line = text.splitlines()[0]
+    lines = text.splitlines()
+    line = next((line for line in lines if line.startswith("P0:")), lines[0])
     try:
         projection = np.array(line.split(":")[1].split(), np.float64).reshape(3, 4)
     except (ValueError, IndexError):

@@ -50,7 +50,8 @@ class Localization:
         confidence: calibrated probability that the answer is right; None for a method without
             calibration.
         log10_false_alarms: decimal logarithm of how many models as good as this one are expected
-            among matches that are all wrong; None without a model, or with too few inliers to say.
+            among matches that are all wrong, also where it was refused for that; None where none
+            was found, or with too few inliers to say.
         footprint: (4, 2) outline of the near image in the far image (top left, top right, bottom
             right, bottom left of the near image); None unless the model is a homography with
             finite corners.

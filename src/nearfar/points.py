@@ -52,6 +52,10 @@ def sift(contrast_threshold: float = PAPER_CONTRAST, most: int = 0) -> Any:
     )
 
 
+SMALLEST_SIDE = 8
+"""An image with a shorter side has no points: on a few pixels OpenCV's detectors fail or crash."""
+
+
 def detect(pixels: RGBPixels, detector: Any) -> Points:
     """The points that an OpenCV detector finds.
 
@@ -60,7 +64,10 @@ def detect(pixels: RGBPixels, detector: Any) -> Points:
         detector: a `cv2.Feature2D`. Bits of binary descriptors become the numbers 0 and 1, so
             that the squared Euclidean distance of two descriptors is their Hamming distance.
     """
-    keypoints, vectors = detector.detectAndCompute(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), None)
+    keypoints, vectors = (), None
+    if min(pixels.shape[:2]) >= SMALLEST_SIDE:
+        grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+        keypoints, vectors = detector.detectAndCompute(grey, None)
     if not keypoints:
         binary = detector.descriptorType() == cv2.CV_8U
         size = detector.descriptorSize() * (8 if binary else 1)

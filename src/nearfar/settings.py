@@ -1,7 +1,6 @@
 """The one table of settings."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,14 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from nearfar.errors import SettingsError
+
+NETWORKS = ("resnet50", "squeezenet")
+"""Networks that descriptors use."""
+
+LARGEST = 2**31 - 1
+"""Of every whole number, since libraries below take 32 bits."""
+LARGEST_SIGMA = 100.0
+"""Of the smoothing before the segmentation, in pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +84,27 @@ class Settings:
     """Seed of every random choice."""
 
     def __post_init__(self) -> None:
+        self._check_types()
+        self._check_ranges()
+
+    def _check_types(self) -> None:
+        for item in dataclasses.fields(self):
+            value = getattr(self, item.name)
+            wanted = int if item.name == "proposal_k" and value is not None else item.type
+            if wanted is float:
+                fits = isinstance(value, (int, float)) and not isinstance(value, bool)
+            elif wanted in (int, str):
+                fits = type(value) is wanted
+            else:
+                continue
+            if not fits:
+                raise SettingsError(f"{item.name} has a value of the wrong type: {value!r}")
+        if not isinstance(self.weights, Mapping) or not set(self.weights) <= set(NETWORKS):
+            raise SettingsError(
+                f"weights map a network ({', '.join(NETWORKS)}) to a file, not {self.weights!r}"
+            )
+
+    def _check_ranges(self) -> None:
         at_least = {
             "max_size": 0,
             "max_pixels": 1,
@@ -89,12 +117,14 @@ class Settings:
         above = {"proposal_k": 0, "proposal_sigma": 0, "inlier_threshold": 0}
         for name, bound in at_least.items():
             value = getattr(self, name)
-            if not bound <= value < math.inf:
-                raise SettingsError(f"{name} must be at least {bound} and finite, not {value}")
+            if not bound <= value <= LARGEST:
+                raise SettingsError(f"{name} must be from {bound} to {LARGEST}, not {value}")
         for name, bound in above.items():
             value = getattr(self, name)
-            if value is not None and not bound < value < math.inf:
-                raise SettingsError(f"{name} must be above {bound} and finite, not {value}")
+            if value is not None and not bound < value <= LARGEST:
+                raise SettingsError(f"{name} must be above {bound}, up to {LARGEST}, not {value}")
+        if self.proposal_sigma > LARGEST_SIGMA:
+            raise SettingsError(f"proposal_sigma must be at most {LARGEST_SIGMA}")
         if not self.max_false_alarms > 0:
             raise SettingsError(f"max_false_alarms must be above 0, not {self.max_false_alarms}")
         if self.proposal_mode not in ("single", "fast", "quality"):

@@ -14,9 +14,6 @@ from nearfar.networks.tensors import TensorFileError, array_on
 from nearfar.networks.torch_file import LEGACY_START, ZIP_START, read_torch_file
 from nearfar.settings import Settings
 
-NETWORKS = ("resnet50", "squeezenet")
-"""Networks that descriptors use."""
-
 DOWNLOADS = {"resnet50": "https://download.pytorch.org/models/resnet50-0676ba61.pth"}
 """Where `fetch` gets weights; a file's name ends with the first digits of its SHA-256."""
 

@@ -96,6 +96,19 @@ def test_paper_size_keeps_positions(tmp_path: Path, images: tuple[RGBPixels, RGB
     )
 
 
+@pytest.mark.parametrize("shift", [(-40, -30), (0, -30), (-40, -250), (100, 0)])
+def test_true_points_of_a_sequence_spread_in_both_directions(
+    tmp_path: Path, shift: tuple[int, int]
+) -> None:
+    folder = tmp_path / "v_flat"
+    for name in ("1", "2"):
+        save(folder / f"{name}.png", np.zeros((480, 640, 3), np.uint8))
+    np.savetxt(folder / "H_1_2", np.array([[1, 0, shift[0]], [0, 1, shift[1]], [0, 0, 1]]))
+    (case,) = find_pairs(tmp_path)
+    assert len(np.unique(case.near_points, axis=0)) == 10
+    assert np.linalg.svd(case.near_points - case.near_points.mean(axis=0))[1][1] > 100
+
+
 def test_broken_sequences_are_named(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> None:
     folder = tmp_path / "v_cup"
     save(folder / "1.png", images[0])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
+from nearfar.bench import case_row
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import read_rows
 from nearfar.bench.run import run
@@ -76,6 +77,18 @@ def test_a_run_resumes_after_a_cut_line(folder: Path, tmp_path: Path) -> None:
 
 def without_seconds(rows: list[dict[str, object]]) -> list[dict[str, object]]:
     return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
+
+
+def test_whatever_goes_wrong_with_a_case_is_recorded(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise MemoryError("too large")
+
+    monkeypatch.setattr(case_row, "evaluate", broken)
+    rows = run(find_pairs(folder)[:1], [SIFT], tmp_path / "rows.jsonl")
+    assert rows[0]["status"] == "error"
+    assert rows[0]["reason"] == "MemoryError: too large"
 
 
 def test_other_settings_are_other_results(folder: Path, tmp_path: Path) -> None:

@@ -73,6 +73,14 @@ def test_fundamental_matrix_and_pose(known_files: Files, tmp_path: Path) -> None
     assert answer["footprint"] is None
 
 
+def test_odd_names_are_printed_as_they_are(known_files: Files, tmp_path: Path) -> None:
+    folder = tmp_path / "Größe :cat: [bold]"
+    folder.mkdir()
+    near = known_files[1].rename(folder / "ñ.png")
+    result = nearfar("localize", known_files[0], near, "--method", "sift", "--json")
+    assert json.loads(result.stdout)["near"]["path"] == str(near)
+
+
 def test_text_and_pictures(known_files: Files, tmp_path: Path) -> None:
     result = nearfar("localize", *known_files, "--save", tmp_path / "out")
     assert result.returncode == 0, result.stderr

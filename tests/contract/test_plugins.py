@@ -109,3 +109,13 @@ def test_unknown_names_are_refused_with_a_hint(registry: object) -> None:
     close = registry.names()[0] + "x"
     with pytest.raises(SettingsError, match="did you mean"):
         registry.create(close, Settings())
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 320), (320, 1), (2, 2), (7, 50)])
+@pytest.mark.parametrize("name", METHODS.names())
+def test_method_on_a_few_pixels(name: str, size: tuple[int, int]) -> None:
+    method = METHODS.create(name, Settings(method=name))
+    timer = StageTimer()
+    features = method.extract(np.zeros((*size, 3), np.uint8), timer)
+    answer = method.localize(features, features, Task("homography"), timer)
+    assert answer.estimate.far_from_near is None

@@ -44,7 +44,9 @@ def identity(case: Case, settings: Settings, key: str, descriptor: str | None) -
 
 
 def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
-    """Localize a case and compare with its truth; an error is recorded with its message.
+    """Localize a case and compare with its truth.
+
+    Whatever goes wrong with one case is recorded in its row, so that a run goes on.
 
     Args:
         case: the case.
@@ -56,7 +58,10 @@ def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
         found = localizer.localize(
             case.far, case.near, model=case.model, intrinsics=case.intrinsics
         )
+        answer, errors = found.to_dict(), evaluate(case, found)
     except NearfarError as error:
         return row | {"status": "error", "reason": str(error)} | failure_columns(case)
-    answer = found.to_dict()
-    return row | {name: answer[name] for name in _KEPT} | evaluate(case, found)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        return row | {"status": "error", "reason": reason} | failure_columns(case)
+    return row | {name: answer[name] for name in _KEPT} | errors

@@ -38,7 +38,7 @@ def _read(file: Path, first: str, second: str, folder: Path) -> Case:
     if len(views[0][1]) != len(views[1][1]):
         raise BenchmarkError(f"{file} has not as many points in {first} as in {second}")
     change = scale_change(views[0][1], views[1][1])
-    if change is None:
+    if not change:
         raise BenchmarkError(f"{file} needs at least two different points")
     if change < 1:
         views.reverse()

@@ -39,10 +39,11 @@ def _read_pair(file: Path, folder: Path) -> Case:
         far, near, model = content["far"], content["near"], content["model"]
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise BenchmarkError(f"{file} is not a valid pair: {error!r}") from error
-    if len(far_points) != len(near_points) or model not in ("homography", "fundamental"):
+    least = {"homography": 4, "fundamental": 1}.get(model)
+    if least is None or len(far_points) != len(near_points) or len(far_points) < least:
         raise BenchmarkError(
-            f"{file} needs as many far_points as near_points, and the model homography or "
-            f"fundamental"
+            f"{file} needs the model homography or fundamental, and as many far_points as "
+            f"near_points: at least 4 for a homography"
         )
     name = file.parent.relative_to(folder).as_posix()
     return Case(

@@ -26,10 +26,9 @@ def resized_to_paper(cases: Sequence[Case], folder: Path) -> list[Case]:
 
 
 def _resized(case: Case, folder: Path) -> Case:
-    name = case.name.replace("/", "-")
     try:
-        far, far_points = _write(case.far, case.far_points, folder / f"{name}-far.png")
-        near, near_points = _write(case.near, case.near_points, folder / f"{name}-near.png")
+        far, far_points = _write(case.far, case.far_points, folder / case.name / "far.png")
+        near, near_points = _write(case.near, case.near_points, folder / case.name / "near.png")
     except ImageError:
         return case
     return dataclasses.replace(

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from nearfar.errors import BenchmarkError
 from nearfar.settings import Settings
 
 Row = dict[str, Any]
@@ -25,7 +26,7 @@ def settings_table(settings: Settings) -> dict[str, Any]:
     """Settings for JSON; weights files are named by their SHA-256."""
     content = dataclasses.asdict(settings)
     content["weights"] = {
-        name: hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        name: hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
         for name, file in sorted(settings.weights.items())
     }
     if content["max_false_alarms"] == float("inf"):
@@ -44,7 +45,10 @@ def read_rows(file: Path) -> list[Row]:
     if not file.exists():
         return []
     lines = file.read_text(encoding="utf-8").split("\n")[:-1]
-    return [json.loads(line) for line in lines if line]
+    try:
+        return [json.loads(line) for line in lines if line]
+    except ValueError as error:
+        raise BenchmarkError(f"{file} has a line that is no result: {error}") from error
 
 
 class RowFile:

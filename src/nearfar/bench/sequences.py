@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.bench.cases import Case
@@ -23,8 +24,8 @@ POINTS = 10
 def find_sequence_pairs(folder: Path) -> Iterator[Case]:
     """Pairs (1, K) of every sequence, the image that shows the scene larger being the near one.
 
-    The true points are ten of an even grid over the part of the near image that lies in the far
-    one, as the paper spreads its points.
+    The true points are ten of a grid over the part of the near image that lies in the far one,
+    each as far as can be from the others, as the paper spreads its points.
 
     Raises:
         BenchmarkError: a homography or an image cannot be read, or the images do not overlap.
@@ -85,7 +86,17 @@ def _grid_points(
         axis=1
     )
     near_points, far_points = grid[inside], mapped[inside]
-    if len(near_points) > POINTS:
-        chosen = np.linspace(0, len(near_points) - 1, POINTS).astype(np.intp)
-        near_points, far_points = near_points[chosen], far_points[chosen]
-    return far_points, near_points
+    chosen = _spread(near_points)
+    return far_points[chosen], near_points[chosen]
+
+
+def _spread(xy: Coordinates) -> NDArray[np.intp]:
+    """Indices of at most ten of (N, 2) points, each as far as can be from those before it."""
+    if len(xy) <= POINTS:
+        return np.arange(len(xy))
+    chosen = [0]
+    distance = np.linalg.norm(xy - xy[0], axis=1)
+    while len(chosen) < POINTS:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(xy - xy[chosen[-1]], axis=1))
+    return np.array(chosen)

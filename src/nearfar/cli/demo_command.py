@@ -47,7 +47,7 @@ def demo_command(*, out: Path = Path("nearfar-demo")) -> int:
     Args:
         out: Folder for the images and the pictures.
     """
-    console = Console(highlight=False)
+    console = Console(emoji=False, highlight=False)
     with _progress(console) as progress:
         step = progress.add_task("Hanging the photographs")
         scene = make_scene()

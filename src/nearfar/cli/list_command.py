@@ -7,7 +7,7 @@ from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
 
 def list_command() -> None:
     """Name all methods, proposers, descriptors and estimators."""
-    console = Console(highlight=False)
+    console = Console(emoji=False, highlight=False)
     for registry in (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS):
         console.print(f"[bold]{registry.kind}s[/bold]")
         for name in registry.names():

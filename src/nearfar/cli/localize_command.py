@@ -1,10 +1,10 @@
 """`nearfar localize`."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from nearfar.cli.options import Flag, SettingsOptions, WeightOptions, with_weights
 from nearfar.cli.status import FAILED
@@ -43,8 +43,7 @@ def localize_command(
     localizer = Localizer(with_weights(settings, weights))
     found = localizer.localize(far, near, model=model, intrinsics=intrinsics)
     saved = found.save(save) if save else []
-    console = Console(highlight=False, soft_wrap=True)
-    console.print(found.to_json() if as_json else _text(found, saved), markup=False)
+    sys.stdout.write((found.to_json() if as_json else _text(found, saved)) + "\n")
     return 0 if found.localized else FAILED
 
 

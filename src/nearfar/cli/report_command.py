@@ -22,6 +22,6 @@ def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
     require("bench", "jinja2", "matplotlib", "pyarrow")
     from nearfar.bench.report.write import write_report
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     for file in write_report([run, *runs], run / "report" if out is None else out):
         console.print(str(file), markup=False)

@@ -5,8 +5,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from nearfar.errors import WeightsError
-from nearfar.settings import Settings
-from nearfar.weights import NETWORKS, fetch, weights_file
+from nearfar.settings import NETWORKS, Settings
+from nearfar.weights import fetch, weights_file
 
 weights_app = App(name="weights", help="Fetch the weights of networks, or show where they are.")
 
@@ -59,4 +59,4 @@ class _Bar:
 
 
 def _console() -> Console:
-    return Console(highlight=False, soft_wrap=True)
+    return Console(emoji=False, highlight=False, soft_wrap=True)

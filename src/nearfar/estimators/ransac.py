@@ -74,7 +74,7 @@ def _fit_fundamental(
     matrix, mask = cv2.findFundamentalMat(
         near, far, cv2.FM_RANSAC, threshold, CONFIDENCE, MAX_ITERATIONS
     )
-    if not is_model(matrix):
+    if not is_model(matrix) or not matrix.any():
         return None
     inliers = np.asarray(mask, np.bool_).ravel()
     if inliers.sum() < LEAST_MATCHES["fundamental"]:

@@ -33,9 +33,9 @@ def determines_homography(
 ) -> bool:
     """Whether a homography is invertible and its inliers leave no other one open.
 
-    They leave it open where there are fewer than four, where they span less than the threshold in
-    the far image, so that any transform to about one point would explain them, or where they lie
-    on one line.
+    They leave it open where there are fewer than four, where they span less than twice the
+    threshold in the far image, so that any transform to about one point would explain them, or
+    where they lie on one line.
 
     Args:
         matrix: (3, 3), finite.

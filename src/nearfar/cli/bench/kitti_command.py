@@ -39,7 +39,7 @@ def kitti_command(
         count_only: Count the pairs that the poses give, and do nothing else.
         sequence: Use only this sequence, e.g. 00; may be repeated.
     """
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     if count_only:
         console.print(_counts(count_pairs(folder)), markup=False)
         return

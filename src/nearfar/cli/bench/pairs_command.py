@@ -26,7 +26,8 @@ def pairs_command(
 
     FOLDER and its subfolders may hold pairs in three layouts: pair.json; numbered PNGs with
     A_to_B.yaml (the paper's Montreal set); sequences with H1to2p or H_1_2 (Oxford, HPatches).
-    Results go to OUT/pairs.jsonl, one line a pair and method, and a plot beside them.
+    Results go to OUT/pairs.jsonl (pairs_1200x900.jsonl), one line a pair and method, and a plot
+    beside them.
 
     Args:
         folder: Folder of image pairs.
@@ -36,8 +37,8 @@ def pairs_command(
     cases = sampled(find_pairs(folder), options.sample, settings.seed)
     if paper_size:
         cases = resized_to_paper(cases, options.out / "cases")
-    rows = run_cases(cases, options, settings, "pairs")
-    console = Console(highlight=False, soft_wrap=True)
+    rows = run_cases(cases, options, settings, "pairs_1200x900" if paper_size else "pairs")
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     titles = {
         "Successes, strict / loose": success_table(rows),
         "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (

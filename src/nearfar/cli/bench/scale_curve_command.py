@@ -90,7 +90,7 @@ def scale_curve_command(
         own = [row for row in rows if row["tags"]["mode"] == each]
         if own:
             _report(each, own, options.out, settings.seed)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("\nMedian seconds by stage:\n\n" + time_table(rows), markup=False)
 
 
@@ -128,6 +128,6 @@ def _report(mode: Mode, rows: Sequence[Row], out: Path, seed: int) -> None:
     if len(strict.methods) > 1:
         tables += ["Difference in strict success, in points:", difference_table(strict, seed)]
     plots = plot_curve(strict, _TITLES[mode], out / f"scale_curve_{mode}", seed)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("\n" + "\n\n".join(tables), markup=False)
     console.print("\nPlot: " + ", ".join(map(str, plots)), markup=False)

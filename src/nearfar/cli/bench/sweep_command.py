@@ -68,5 +68,5 @@ def sweep_command(
         file = out / f"{name}.jsonl"
         results += run_sweep(cases, grid, common, file, disk_bytes=int(disk_gigabytes * 1e9))
     write_summary(results, out)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("Strict successes / pairs:\n\n" + sweep_table(grid, results), markup=False)
