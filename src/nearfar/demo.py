@@ -29,7 +29,7 @@ from nearfar.image import read_image
 from nearfar.localization import Localization
 from nearfar.pictures.view import scaling, translation
 
-METHODS = ("sift", "paper", "objects")
+METHODS = ("adaptive", "sift", "paper", "objects")
 TOLERANCE = 3.0
 """Largest mean error in far pixels of an answer that counts as right."""
 

@@ -59,6 +59,7 @@ class Localization:
         landmarks: matched landmarks, boxes in pixels of the original images.
         seconds: wall time by stage.
         method: name of the method.
+        step: what a method with several steps found the answer with; None for the others.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
         far: the far image.
         near: the near image.
@@ -76,6 +77,7 @@ class Localization:
     landmarks: LandmarkMatches
     seconds: dict[str, float]
     method: str
+    step: str | None
     descriptor: str | None
     far: Image
     near: Image
@@ -100,6 +102,7 @@ class Localization:
             "matches": len(self.points),
             "landmark_matches": len(self.landmarks),
             "method": self.method,
+            "step": self.step,
             "descriptor": self.descriptor,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),

@@ -18,7 +18,7 @@ from nearfar.intrinsics import CameraIntrinsics, Intrinsics, IntrinsicsSource, r
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import Answer, Method
-from nearfar.registry import METHODS
+from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
@@ -51,6 +51,8 @@ class Localizer:
         **options: Any,
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
+        PROPOSERS.check(self.settings.proposer)
+        ESTIMATORS.check(self.settings.estimator)
         self._method = engine or METHODS.create(self.settings.method, self.settings)
         self._stored = None if store is None else store.of(self.settings)
         self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)
@@ -120,8 +122,10 @@ class Localizer:
         self, kind: ModelKind, answer: Answer, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
         """The answer in pixels of the original images."""
-        exponent = _false_alarms(answer, kind, far)
-        estimate = self._beyond_chance(answer, kind, exponent)
+        exponent = answer.log10_false_alarms
+        if exponent is None:
+            exponent = _false_alarms(answer, kind, far)
+        estimate = self._accepted(answer, kind, exponent)
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),
@@ -140,29 +144,35 @@ class Localizer:
             model=kind,
             far_from_near=model,
             scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
-            confidence=None,
+            confidence=answer.confidence,
             log10_false_alarms=exponent if math.isfinite(exponent) else None,
             footprint=outline,
             points=points,
             landmarks=landmarks,
             seconds=timer.seconds,
             method=self.settings.method,
+            step=answer.step,
             descriptor=self.descriptor,
             far=far,
             near=near,
         )
 
-    def _beyond_chance(self, answer: Answer, kind: ModelKind, exponent: float) -> Estimate:
-        """The estimate, or a failure where matches that are all wrong may explain it as well."""
-        estimate = answer.estimate
-        if estimate.far_from_near is None or exponent <= math.log10(self.settings.max_false_alarms):
+    def _accepted(self, answer: Answer, kind: ModelKind, exponent: float) -> Estimate:
+        """The estimate, or a failure where chance may explain it or confidence is too low."""
+        estimate, settings = answer.estimate, self.settings
+        if estimate.far_from_near is None:
             return estimate
-        return failure(
-            len(answer.far),
-            estimate.threshold,
+        reason = (
             f"the best {MODEL_NAMES[kind]} agrees with {estimate.inliers.sum()} of "
-            f"{len(answer.far)} point matches, which chance may explain (--max-false-alarms)",
+            f"{len(answer.far)} point matches, "
         )
+        if exponent > math.log10(settings.max_false_alarms):
+            reason += "which chance may explain (--max-false-alarms)"
+        elif answer.confidence is not None and answer.confidence < settings.min_confidence:
+            reason += f"a confidence of {answer.confidence:.2f} (--min-confidence)"
+        else:
+            return estimate
+        return failure(len(answer.far), estimate.threshold, reason)
 
 
 def localize(

@@ -13,6 +13,9 @@ from nearfar.errors import SettingsError
 NETWORKS = ("resnet50", "squeezenet")
 """Networks that descriptors use."""
 
+EFFORTS = ("points", "landmarks", "zoom", "views")
+"""Steps of the method `adaptive`, each with all before it."""
+
 LARGEST = 2**31 - 1
 """Of every whole number, since libraries below take 32 bits."""
 LARGEST_SIGMA = 100.0
@@ -30,7 +33,7 @@ class Settings:
         SettingsError: a value is out of range.
     """
 
-    method: str = "paper"
+    method: str = "adaptive"
     """How to localize; `nearfar list` names all methods."""
 
     descriptor: str = "hog"
@@ -80,12 +83,23 @@ class Settings:
     """Report a failure where so many models as good as the one found are expected by chance; inf
     accepts every model, as the paper does."""
 
+    max_effort: Literal["points", "landmarks", "zoom", "views"] = "views"
+    """Method adaptive: the last step to try; each costs more than the one before."""
+
+    budget: float = float("inf")
+    """Method adaptive: start no further step after so many seconds; results then depend on the
+    speed of the machine."""
+
+    min_confidence: float = 0.5
+    """Report a failure where the calibrated confidence is below this; 0 accepts every model."""
+
     seed: int = 0
     """Seed of every random choice."""
 
     def __post_init__(self) -> None:
         self._check_types()
         self._check_ranges()
+        self._check_adaptive()
 
     def _check_types(self) -> None:
         for item in dataclasses.fields(self):
@@ -131,6 +145,16 @@ class Settings:
             raise SettingsError(
                 f"proposal_mode must be single, fast or quality, not {self.proposal_mode!r}"
             )
+
+    def _check_adaptive(self) -> None:
+        if self.max_effort not in EFFORTS:
+            raise SettingsError(
+                f"max_effort must be one of {', '.join(EFFORTS)}, not {self.max_effort!r}"
+            )
+        if not self.budget > 0:
+            raise SettingsError(f"budget must be above 0, not {self.budget}")
+        if not 0 <= self.min_confidence <= 1:
+            raise SettingsError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
 
     def __hash__(self) -> int:
         return hash(repr(self))

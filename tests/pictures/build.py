@@ -51,6 +51,7 @@ def localized(far: Image, near: Image, homography: Matrix3, **changes: Any) -> L
         landmarks=LandmarkMatches(boxes, BOXES, np.array([0.9, 0.8, 0.7], np.float32)),
         seconds={},
         method="paper",
+        step=None,
         descriptor="hog",
         far=far,
         near=near,

@@ -16,6 +16,8 @@ _KEPT = (
     "landmark_matches",
     "scale_change",
     "log10_false_alarms",
+    "confidence",
+    "step",
     "seconds",
 )
 

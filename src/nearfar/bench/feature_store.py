@@ -36,7 +36,16 @@ from nearfar.settings import Settings
 Features = TypeVar("Features")
 
 NOT_IN_FEATURES = frozenset(
-    {"estimator", "inlier_threshold", "max_false_alarms", "seed", "batch_size"}
+    {
+        "estimator",
+        "inlier_threshold",
+        "max_false_alarms",
+        "max_effort",
+        "budget",
+        "min_confidence",
+        "seed",
+        "batch_size",
+    }
 )
 """Settings that change only what is done with features. (No method draws random numbers for them.)
 """

@@ -1,12 +1,28 @@
 """Descriptors: boxes of an image -> vectors to compare them by. One module a descriptor."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels, Vectors
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureMap:
+    """Features at every place of an image.
+
+    Attributes:
+        values: (rows, columns, D) one vector a cell.
+        stride: distance of neighbouring cells in pixels.
+        offset: centre of the first cell in x and in y, in pixels.
+    """
+
+    values: NDArray[np.float32]
+    stride: int
+    offset: float
 
 
 class Descriptor(Protocol):
@@ -27,6 +43,15 @@ class Descriptor(Protocol):
         Returns:
             (N, dimensions); a row is all zero where the box has nothing to describe.
         """
+        ...
+
+
+@runtime_checkable
+class DenseDescriptor(Descriptor, Protocol):
+    """Describes every place of an image at once."""
+
+    def feature_map(self, pixels: RGBPixels) -> FeatureMap:
+        """The features of an image of at least 16x16 pixels."""
         ...
 
 

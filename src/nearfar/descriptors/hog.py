@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import crop_resized, unit_rows
+from nearfar.descriptors import FeatureMap, crop_resized, unit_rows
 from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 
@@ -36,6 +36,14 @@ class HOG:
             ):
                 row[:] = np.asarray(hog.compute(crop)).ravel()
         return unit_rows(vectors)
+
+    def feature_map(self, pixels: RGBPixels) -> FeatureMap:
+        """See `DenseDescriptor.feature_map`: one block of 2x2 cells every 8 pixels, 36 values."""
+        rows, columns = pixels.shape[0] // 8 - 1, pixels.shape[1] // 8 - 1
+        hog = cv2.HOGDescriptor((16, 16), (16, 16), (8, 8), (8, 8), 9)
+        whole = np.ascontiguousarray(pixels[: 8 * rows + 8, : 8 * columns + 8])
+        values = np.asarray(hog.compute(whole, winStride=(8, 8)))
+        return FeatureMap(values.reshape(rows, columns, -1), 8, 7.5)
 
     @staticmethod
     def _hog() -> cv2.HOGDescriptor:

@@ -67,7 +67,12 @@ Fit = Callable[[Coordinates, Coordinates], tuple[Matrix3 | RelativePose, Mask] |
 
 
 def fit_guarded(
-    far: Coordinates, near: Coordinates, task: Task, threshold: float, fit: Fit, seed: int = 0
+    far: Coordinates,
+    near: Coordinates,
+    task: Task,
+    threshold: float,
+    fit: Fit,
+    seed: int | None = 0,
 ) -> Estimate:
     """What every estimator does around its own fit, so that no input makes it fail.
 
@@ -80,7 +85,7 @@ def fit_guarded(
         task: the kind of model.
         threshold: largest error of an inlier, in pixels.
         fit: the estimator's own part.
-        seed: seed of the order.
+        seed: seed of the order; None keeps the order of the matches.
     """
     finite = finite_rows(far, near)
     name = MODEL_NAMES[task.model]
@@ -89,7 +94,7 @@ def fit_guarded(
     if distinct < least:
         reason = f"a {name} needs {least} different point matches, found {distinct}"
         return failure(len(far), threshold, reason)
-    order = np.random.default_rng(seed).permutation(finite)
+    order = finite if seed is None else np.random.default_rng(seed).permutation(finite)
     try:
         found = fit(far[order], near[order])
     except cv2.error as error:

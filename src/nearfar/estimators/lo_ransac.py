@@ -15,14 +15,20 @@ from nearfar.settings import Settings
 
 MAX_ITERATIONS = 20_000
 """Enough to draw, at 80 % wrong matches, five right ones once with 99.8 % probability."""
+MAX_ITERATIONS_ORDERED = 100_000
 
 
-@ESTIMATORS.register("lo-ransac")
+@ESTIMATORS.register("lo-ransac", "prosac")
 class LoRansac:
-    """Homography, fundamental matrix or relative pose by LO-RANSAC."""
+    """Homography, fundamental matrix or relative pose by LO-RANSAC.
 
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+    As "prosac" it takes the matches in their order, draws from the first ones first (Chum and
+    Matas, 2005) and tries longer, for matches that are ordered by quality and mostly wrong.
+    """
+
+    def __init__(self, name: str, settings: Settings) -> None:
         self._settings = settings
+        self._ordered = name == "prosac"
 
     def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
         """See `Estimator.estimate`."""
@@ -33,17 +39,20 @@ class LoRansac:
             task,
             settings.inlier_threshold,
             lambda far, near: self._fit(far, near, task),
-            settings.seed,
+            None if self._ordered else settings.seed,
         )
 
     def _fit(
         self, far: Coordinates, near: Coordinates, task: Task
     ) -> tuple[Matrix3 | RelativePose, Mask] | None:
         threshold = self._settings.inlier_threshold
+        iterations = MAX_ITERATIONS_ORDERED if self._ordered else MAX_ITERATIONS
         options = {
             "max_reproj_error": threshold,
             "max_epipolar_error": threshold,
-            "max_iterations": MAX_ITERATIONS,
+            "max_iterations": iterations,
+            "progressive_sampling": self._ordered,
+            "max_prosac_iterations": iterations,
             "seed": self._settings.seed,
         }
         if task.model == "pose":

@@ -3,10 +3,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, Mask
+from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.geometry.homography import transform
+from nearfar.geometry.pose import RelativePose
 
 COLLINEAR_PX = 0.1
 """Points this close to one line (root mean square) count as lying on it, in pixels."""
+
+LARGEST_SHORTENING = 30.0
+"""Ratio of the scales of two directions at one point; the strongest of the known pairs is 20."""
+LARGEST_SCALE = 100.0
 
 
 def finite_rows(far: Coordinates, near: Coordinates) -> NDArray[np.intp]:
@@ -49,6 +55,36 @@ def determines_homography(
     far, near = far[inliers], near[inliers]
     spread = np.ptp(far, axis=0).max() >= 2 * threshold
     return bool(spread) and not (_collinear(far) or _collinear(near))
+
+
+def is_plausible(model: Matrix3 | RelativePose, kind: str, near: Coordinates) -> bool:
+    """Whether a camera could have seen what a model says; every pose and fundamental matrix is.
+
+    A homography between two photographs of a surface's one side keeps the sense of rotation
+    everywhere, has no horizon among the inliers, and shortens no direction without bound.
+
+    Args:
+        model: the model.
+        kind: "homography", "fundamental" or "pose".
+        near: (K, 2) near points of the inliers.
+    """
+    if kind != "homography":
+        return True
+    matrix = np.asarray(model)
+    depth = np.column_stack([near, np.ones(len(near))]) @ matrix[2]
+    mapped = transform(matrix, near)
+    if not ((depth > 0).all() or (depth < 0).all()) or not np.isfinite(mapped).all():
+        return False
+    jacobians = (
+        matrix[np.newaxis, :2, :2] - mapped[:, :, np.newaxis] * matrix[np.newaxis, 2:, :2]
+    ) / depth[:, np.newaxis, np.newaxis]
+    largest, smallest = np.linalg.svd(jacobians, compute_uv=False).T
+    same_sense = bool((np.linalg.det(jacobians) > 0).all())
+    return same_sense and bool(
+        (largest < LARGEST_SHORTENING * smallest).all()
+        and (largest < LARGEST_SCALE).all()
+        and (smallest > 1 / LARGEST_SCALE).all()
+    )
 
 
 def _collinear(xy: Coordinates) -> bool:

@@ -17,7 +17,7 @@ def log10_false_alarms(
     matches: int,
     *,
     threshold: float,
-    far_size: tuple[int, int],
+    far_size: tuple[float, float],
 ) -> float:
     """How many models as good as this one are expected among matches that are all wrong.
 

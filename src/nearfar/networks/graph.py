@@ -145,20 +145,21 @@ class GraphBuilder:
         """Mean of each channel, (N, channels, 1, 1)."""
         return self._add("GlobalAveragePool", source)
 
-    def serialized(self, size: int, outputs: Sequence[str]) -> bytes:
+    def serialized(self, size: int | None, outputs: Sequence[str]) -> bytes:
         """The part of the network that the outputs need, as an ONNX model.
 
         Args:
-            size: side of the crops in pixels.
+            size: side of the crops in pixels; None: images of any size.
             outputs: names that methods of this class returned; the model's outputs in this order.
         """
         from onnx import TensorProto, helper, numpy_helper
 
         nodes, constants = self._needed(outputs)
+        sides = ("height", "width") if size is None else (size, size)
         graph = helper.make_graph(
             [helper.make_node(n.operator, n.inputs, [n.output], **n.attributes) for n in nodes],
             "network",
-            [helper.make_tensor_value_info(INPUT, TensorProto.UINT8, ["N", size, size, 3])],
+            [helper.make_tensor_value_info(INPUT, TensorProto.UINT8, ["N", *sides, 3])],
             [helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in outputs],
             [numpy_helper.from_array(values, name) for name, values in constants.items()],
         )

@@ -1,11 +1,46 @@
 """Running a network on crops of an image."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import crop_resized, unit_rows
+from nearfar.descriptors import FeatureMap, crop_resized, unit_rows
 from nearfar.networks.graph import INPUT
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+
+def session(model: bytes) -> "onnxruntime.InferenceSession":
+    """ONNX Runtime on the CPU, with the same results every time."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.use_deterministic_compute = True
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+
+class MapNetwork:
+    """A network that describes every place of an image by its only output, on the CPU.
+
+    Args:
+        model: ONNX model from `GraphBuilder.serialized`, for images of any size.
+        stride: pixels between neighbouring cells of the output.
+        offset: centre of the first cell, in pixels.
+    """
+
+    def __init__(self, model: bytes, stride: int, offset: float) -> None:
+        self._session = session(model)
+        self._stride, self._offset = stride, offset
+
+    def feature_map(self, pixels: RGBPixels) -> FeatureMap:
+        """See `DenseDescriptor.feature_map`."""
+        (output,) = self._session.run(None, {INPUT: pixels[np.newaxis]})
+        values = np.ascontiguousarray(output[0].transpose(1, 2, 0))
+        return FeatureMap(values, self._stride, self._offset)
 
 
 class CropNetwork:
@@ -17,14 +52,7 @@ class CropNetwork:
     """
 
     def __init__(self, model: bytes, batch_size: int) -> None:
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.use_deterministic_compute = True
-        options.log_severity_level = 3
-        self._session = onnxruntime.InferenceSession(
-            model, options, providers=["CPUExecutionProvider"]
-        )
+        self._session = session(model)
         self._batch_size = batch_size
         self._size = int(self._session.get_inputs()[0].shape[1])
 

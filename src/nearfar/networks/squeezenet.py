@@ -49,8 +49,13 @@ FIRES = (
 TAPS = tuple(fire.tap for fire in FIRES)
 """Outputs of the fire modules, after the ReLU."""
 
+STRIDES = dict.fromkeys(TAPS[:3], 4) | dict.fromkeys(TAPS[3:7], 8) | {TAPS[7]: 16}
+"""Pixels between neighbouring cells of each output; the first cell's centre lies one further."""
 
-def squeezenet_model(tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], size: int) -> bytes:
+
+def squeezenet_model(
+    tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], size: int | None
+) -> bytes:
     """The ONNX model that computes some taps for crops of one size.
 
     The tensors have torchvision's names, but the weights have to be those of the network's
@@ -60,7 +65,7 @@ def squeezenet_model(tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], s
     Args:
         tensors: the weights; those of the classifier are needed only for `CLASSES`.
         taps: names of `TAPS`, or `CLASSES`; the model's outputs in this order.
-        size: side of the crops in pixels.
+        size: side of the crops in pixels; None: images of any size.
 
     Raises:
         WeightsError: the weights are not those of a SqueezeNet 1.0; names the tensor.

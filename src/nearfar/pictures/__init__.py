@@ -28,7 +28,8 @@ _THINNING = 4
 def save_all(localization: "Localization", folder: Path) -> list[Path]:
     """Write every picture that the localization allows, as PNG.
 
-    Always `point_matches.png`; `landmark_matches.png` of a method with landmarks;
+    Always `point_matches.png`; `landmark_matches.png` of a method with landmarks, unless they
+    were not needed;
     `epipolar_lines.png` of a fundamental matrix; `footprint.png` of a homography that keeps the
     near image finite, and, where that meets the far image, the near image laid over the far one
     (`blend.png`, `checkerboard.png`) and the far over the near one (`far_in_near_blend.png`,
@@ -44,10 +45,11 @@ def save_all(localization: "Localization", folder: Path) -> list[Path]:
     Raises:
         OSError: a file cannot be written.
     """
+    without_landmarks = localization.descriptor is None or (
+        localization.step is not None and not len(localization.landmarks)
+    )
     pages = {
-        "landmark_matches": None
-        if localization.descriptor is None
-        else landmark_matches(localization),
+        "landmark_matches": None if without_landmarks else landmark_matches(localization),
         "point_matches": point_matches(localization),
         "epipolar_lines": epipolar_matches(localization),
         "footprint": footprint_page(localization),

@@ -28,6 +28,8 @@ class _BenchSettings(Settings):
     max_false_alarms: float = math.inf
     """Count as a failure where so many models as good as the one found are expected by chance; inf
     accepts every model, as the paper does."""
+    min_confidence: float = 0.0
+    """Count as a failure where the calibrated confidence is below this; 0 accepts every model."""
 
 
 BenchSettings = Annotated[_BenchSettings, Parameter(name="*", group="Settings")]

@@ -1,0 +1,87 @@
+"""How often unrelated photographs are answered: pairs of photographs of different scenes.
+
+    python benchmarks/unrelated.py PHOTOS OUT.jsonl [--pairs 500] [--jobs 2] [--descriptor hog]
+
+PHOTOS is a folder of photographs. Two whose names agree up to the last "_" or digit may show the
+same scene and are not paired. A run that was stopped goes on where it was.
+"""
+
+import argparse
+import itertools
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from nearfar import Localizer
+
+CONFIDENT = 0.5
+
+
+def scene(file: Path) -> str:
+    """What the names of photographs of one scene have in common."""
+    return re.sub(r"[\d_]+$", "", file.stem)
+
+
+def pairs_of(folder: Path, count: int) -> list[tuple[Path, Path]]:
+    """Pairs of photographs of different scenes, drawn with seed 0."""
+    files = sorted(file for file in folder.iterdir() if file.suffix in (".jpg", ".png"))
+    ordered = [
+        pair for pair in itertools.permutations(files, 2) if scene(pair[0]) != scene(pair[1])
+    ]
+    chosen = np.random.default_rng(0).permutation(len(ordered))[:count]
+    return [ordered[index] for index in chosen]
+
+
+def localized(far: Path, near: Path, options: dict[str, Any]) -> dict[str, Any]:
+    """The answer without any threshold."""
+    found = Localizer(max_false_alarms=float("inf"), min_confidence=0, **options).localize(
+        far, near
+    )
+    return {
+        "far": far.name,
+        "near": near.name,
+        "status": found.status,
+        "confidence": found.confidence,
+        "log10_false_alarms": found.log10_false_alarms,
+        "step": found.step,
+        "seconds": sum(found.seconds.values()),
+    }
+
+
+def main() -> None:
+    """Run and sum up."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("photos", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--pairs", type=int, default=500)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--method", default="adaptive")
+    parser.add_argument("--descriptor", default="hog")
+    arguments = parser.parse_args()
+    options = {"method": arguments.method, "descriptor": arguments.descriptor}
+    rows = []
+    if arguments.out.exists():
+        rows = [json.loads(line) for line in arguments.out.read_text().splitlines()]
+    done = {(row["far"], row["near"]) for row in rows}
+    wanted = pairs_of(arguments.photos, arguments.pairs)
+    todo = [pair for pair in wanted if (pair[0].name, pair[1].name) not in done]
+    run = Parallel(n_jobs=arguments.jobs, return_as="generator")
+    with arguments.out.open("a") as file:
+        for row in run(delayed(localized)(*pair, options) for pair in todo):
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            rows.append(row)
+    confident = [row for row in rows if (row["confidence"] or 0) >= CONFIDENT]
+    evidence = [row["log10_false_alarms"] for row in rows if row["log10_false_alarms"] is not None]
+    print(
+        f"{len(rows)} unrelated pairs: {len(confident)} answered with confidence {CONFIDENT} or "
+        f"more; least log10 of false alarms {min(evidence, default=float('nan')):.1f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

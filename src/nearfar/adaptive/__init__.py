@@ -1,0 +1,1 @@
+"""The steps of the adaptive localizer: keypoints, votes, search, zoom, views, confidence."""

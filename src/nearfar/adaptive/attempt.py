@@ -1,0 +1,72 @@
+"""One attempt at the answer: matches, the model fitted to them, and how much speaks for it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nearfar.adaptive.zoom import Matched
+from nearfar.arrays import Coordinates
+from nearfar.estimators import Estimate, Estimator, Task
+from nearfar.geometry.degeneracy import is_plausible
+from nearfar.geometry.significance import log10_false_alarms
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A model and the matches that it was fitted to.
+
+    Attributes:
+        far: (N, 2) far points.
+        near: (N, 2) near points.
+        estimate: the model and its inliers.
+        evidence: decimal logarithm of the number of models as good as this one that chance would
+            give, given where the matches could have lain; infinite without a plausible model.
+        step: what it was found with.
+    """
+
+    far: Coordinates
+    near: Coordinates
+    estimate: Estimate
+    evidence: float
+    step: str
+
+
+def attempt(
+    sets: Sequence[Matched], task: Task, estimator: Estimator, far_size: tuple[int, int], step: str
+) -> Attempt:
+    """Fit the model to all matches of some sets.
+
+    Args:
+        sets: the matches.
+        task: kind of model.
+        estimator: fits the model.
+        far_size: width and height of the far image.
+        step: what the matches were found with.
+    """
+    far = np.vstack([each.far for each in sets])
+    near = np.vstack([each.near for each in sets])
+    estimate = estimator.estimate(far, near, task)
+    if estimate.far_from_near is None or not is_plausible(
+        estimate.far_from_near, task.model, near[estimate.inliers]
+    ):
+        return Attempt(far, near, estimate, math.inf, step)
+    side = _side(sets, far_size)
+    evidence = log10_false_alarms(
+        task.model,
+        far[estimate.inliers],
+        near[estimate.inliers],
+        len(far),
+        threshold=estimate.threshold,
+        far_size=(side, side),
+    )
+    return Attempt(far, near, estimate, evidence, step)
+
+
+def _side(sets: Sequence[Matched], far_size: tuple[int, int]) -> float:
+    """Side of the square in which the matches could have lain, the mean over all matches."""
+    whole = math.sqrt(far_size[0] * far_size[1])
+    sides = [min(whole, 2 * each.radius) for each in sets]
+    counts = [len(each.far) for each in sets]
+    return float(np.average(sides, weights=counts)) if sum(counts) else whole

@@ -1,0 +1,65 @@
+"""Keypoints with their sizes and orientations: each match of two says a similarity transform."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Mask, RGBPixels
+from nearfar.points import SMALLEST_SIDE, Points, root_sift, sift
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """The SIFT keypoints of one image, as RootSIFT.
+
+    Attributes:
+        xy: (N, 2) in pixels.
+        size: (N,) diameter in pixels.
+        angle: (N,) orientation in radians, clockwise from the x axis.
+        vectors: (N, 128) descriptors of unit length.
+    """
+
+    xy: Coordinates
+    size: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    vectors: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the arrays take, in bytes."""
+        return self.xy.nbytes + self.size.nbytes + self.angle.nbytes + self.vectors.nbytes
+
+    def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> "Keypoints":
+        return Keypoints(
+            self.xy[chosen], self.size[chosen], self.angle[chosen], self.vectors[chosen]
+        )
+
+    @property
+    def points(self) -> Points:
+        """The same without sizes and orientations."""
+        return Points(self.xy, self.vectors)
+
+
+def detect_keypoints(pixels: RGBPixels, contrast_threshold: float, most: int = 0) -> Keypoints:
+    """SIFT keypoints, described by RootSIFT.
+
+    Args:
+        pixels: the image.
+        contrast_threshold: lower finds more.
+        most: keep only so many, of the highest contrast; 0: all.
+    """
+    found, vectors = (), None
+    if min(pixels.shape[:2]) >= SMALLEST_SIDE:
+        grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+        found, vectors = sift(contrast_threshold, most).detectAndCompute(grey, None)
+    if not found:
+        return Keypoints(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), np.float32))
+    table = np.array([(*each.pt, each.size, each.angle) for each in found], np.float64)
+    xy = table[:, :2]
+    rooted = root_sift(Points(xy, np.asarray(vectors, np.float32)))
+    return Keypoints(xy, table[:, 2], np.radians(table[:, 3]), rooted.vectors)
