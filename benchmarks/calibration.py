@@ -102,7 +102,8 @@ def main() -> None:
             name = f"unrelated {row['far']} {row['near']}"
             rows.append(row | {"case": name, "model": "homography", "strict": False})
     for kind, models in KINDS.items():
-        report(kind, [row for row in rows if row["model"] in models])
+        if own := [row for row in rows if row["model"] in models]:
+            report(kind, own)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from PIL.ImageFile import ImageFile
 
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
+from nearfar.geometry.homography import scaling
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
 TRANSPARENT_GREY = 128
@@ -47,8 +48,7 @@ class Image:
     def original_from_working(self) -> Matrix3:
         """Maps pixels of the working image to pixels of the original (centres at integers)."""
         height, width = self.pixels.shape[:2]
-        x, y = self.width / width, self.height / height
-        return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+        return scaling(self.width / width, self.height / height)
 
     @property
     def content_hash(self) -> str:

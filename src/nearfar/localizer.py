@@ -51,8 +51,8 @@ class Localizer:
         **options: Any,
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
-        PROPOSERS.check(self.settings.proposer)
-        ESTIMATORS.check(self.settings.estimator)
+        PROPOSERS.factory(self.settings.proposer)
+        ESTIMATORS.factory(self.settings.estimator)
         self._method = engine or METHODS.create(self.settings.method, self.settings)
         self._stored = None if store is None else store.of(self.settings)
         self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)

@@ -56,13 +56,18 @@ SMALLEST_SIDE = 8
 """An image with a shorter side has no points: on a few pixels OpenCV's detectors fail or crash."""
 
 
-def detect(pixels: RGBPixels, detector: Any) -> Points:
-    """The points that an OpenCV detector finds.
+def keypoints_of(
+    pixels: RGBPixels, detector: Any
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """What an OpenCV detector finds.
 
     Args:
         pixels: the image.
         detector: a `cv2.Feature2D`. Bits of binary descriptors become the numbers 0 and 1, so
             that the squared Euclidean distance of two descriptors is their Hamming distance.
+
+    Returns:
+        (N, 4) x, y and diameter in pixels, orientation in degrees; (N, D) descriptors.
     """
     keypoints, vectors = (), None
     if min(pixels.shape[:2]) >= SMALLEST_SIDE:
@@ -71,11 +76,17 @@ def detect(pixels: RGBPixels, detector: Any) -> Points:
     if not keypoints:
         binary = detector.descriptorType() == cv2.CV_8U
         size = detector.descriptorSize() * (8 if binary else 1)
-        return Points(np.empty((0, 2)), np.empty((0, size), np.float32))
+        return np.empty((0, 4)), np.empty((0, size), np.float32)
     if vectors.dtype == np.uint8:
         vectors = np.unpackbits(vectors, axis=1)
-    xy = np.array([keypoint.pt for keypoint in keypoints], np.float64)
-    return Points(xy, np.asarray(vectors, np.float32))
+    table = np.array([(*each.pt, each.size, each.angle) for each in keypoints], np.float64)
+    return table, np.asarray(vectors, np.float32)
+
+
+def detect(pixels: RGBPixels, detector: Any) -> Points:
+    """The points that an OpenCV detector finds; see `keypoints_of`."""
+    table, vectors = keypoints_of(pixels, detector)
+    return Points(table[:, :2], vectors)
 
 
 def detect_sift(pixels: RGBPixels, contrast_threshold: float = PAPER_CONTRAST) -> Points:
@@ -162,11 +173,26 @@ def one_match_per_cell(far: Points, near: Points, pairs: IndexPairs, size: float
     far_index, near_index = pairs.T
     distance = np.square(far.vectors[far_index] - near.vectors[near_index]).sum(axis=1)
     pairs = pairs[np.argsort(distance, kind="stable")]
-    for side, points in enumerate((far, near)):
-        cells = np.floor(points.xy[pairs[:, side]] / size)
-        _, first = np.unique(cells, axis=0, return_index=True)
-        pairs = pairs[np.sort(first)]
+    pairs = pairs[first_of_each_cell(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], size)]
     return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def first_of_each_cell(far: Coordinates, near: Coordinates, size: float) -> NDArray[np.intp]:
+    """Of the matches that share a far cell, then of those that share a near cell, the first.
+
+    Args:
+        far: (K, 2) far points.
+        near: (K, 2) the near points matched with them.
+        size: side of a square cell in pixels.
+
+    Returns:
+        (L,) indices of the matches that are kept, in their order.
+    """
+    kept = np.arange(len(far))
+    for xy in (far, near):
+        _, first = np.unique(np.floor(xy[kept] / size), axis=0, return_index=True)
+        kept = kept[np.sort(first)]
+    return kept
 
 
 def match_points_in_boxes(

@@ -65,11 +65,10 @@ class Registry(Generic[T]):
             SettingsError: there is no such name.
             WeightsError: the plug-in needs network weights that are missing or do not fit.
         """
-        self.check(name)
-        return self._factories[name](name, settings)
+        return self.factory(name)(name, settings)
 
-    def check(self, name: str) -> None:
-        """Refuse a name that is not registered.
+    def factory(self, name: str) -> Factory[T]:
+        """What makes the plug-in `name`.
 
         Raises:
             SettingsError: there is no such name.
@@ -79,6 +78,7 @@ class Registry(Generic[T]):
             close = difflib.get_close_matches(name, names, n=1)
             hint = f"did you mean {close[0]!r}?" if close else "see `nearfar list`"
             raise SettingsError(f"unknown {self.kind} {name!r}; {hint}")
+        return self._factories[name]
 
     def _import_modules(self) -> None:
         if self._imported:

@@ -16,7 +16,7 @@ from nearfar.adaptive.nearest import (
     nearest_within,
 )
 from nearfar.arrays import Mask
-from nearfar.points import match_points_by_ratio
+from nearfar.points import Points, match_points_by_ratio
 
 seeds = st.integers(0, 10_000)
 counts = st.integers(0, 60)
@@ -108,7 +108,10 @@ def test_the_ratio_test_is_that_of_the_points(
     rng = np.random.default_rng(seed)
     far, near = random_keypoints(rng, far_count), random_keypoints(rng, near_count)
     pairs = mutual_by_ratio(*nearest_both_ways(far, near), ratio)
-    np.testing.assert_array_equal(pairs, match_points_by_ratio(far.points, near.points, ratio))
+    expected = match_points_by_ratio(
+        Points(far.xy, far.vectors), Points(near.xy, near.vectors), ratio
+    )
+    np.testing.assert_array_equal(pairs, expected)
 
 
 def test_blocks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:

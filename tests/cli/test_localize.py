@@ -163,7 +163,18 @@ def test_malformed_intrinsics(known_files: Files, tmp_path: Path, content: str) 
         (["--max-size", "-3"], "max_size"),
         (["--no-such-option", "1"], "no-such-option"),
         (["--weights", "resnet50"], "NAME=FILE"),
-        (["--descriptor", "resnet50-res3d@64", "--weights", "resnet50=missing.pth"], "missing.pth"),
+        (
+            [
+                "--method",
+                "paper",
+                "--descriptor",
+                "resnet50-res3d@64",
+                "--weights",
+                "resnet50=missing.pth",
+            ],
+            "missing.pth",
+        ),
+        (["--descriptor", "resnet50-res3d@64"], "feature maps"),
         (["--inlier-threshold", "nan"], "inlier_threshold"),
     ],
 )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.adaptive.zoom import Matched
 from nearfar.arrays import Coordinates
@@ -34,9 +35,14 @@ class Attempt:
 
 
 def attempt(
-    sets: Sequence[Matched], task: Task, estimator: Estimator, far_size: tuple[int, int], step: str
+    sets: Sequence[Matched],
+    task: Task,
+    estimator: Estimator,
+    far_size: tuple[int, int],
+    step: str,
+    chosen: NDArray[np.intp] | None = None,
 ) -> Attempt:
-    """Fit the model to all matches of some sets.
+    """Fit the model to matches of some sets.
 
     Args:
         sets: the matches.
@@ -44,15 +50,20 @@ def attempt(
         estimator: fits the model.
         far_size: width and height of the far image.
         step: what the matches were found with.
+        chosen: which of the matches of all sets, in the order in which the estimator is to get
+            them; None: all.
     """
-    far = np.vstack([each.far for each in sets])
-    near = np.vstack([each.near for each in sets])
+    order = slice(None) if chosen is None else chosen
+    far = np.vstack([each.far for each in sets])[order]
+    near = np.vstack([each.near for each in sets])[order]
     estimate = estimator.estimate(far, near, task)
     if estimate.far_from_near is None or not is_plausible(
         estimate.far_from_near, task.model, near[estimate.inliers]
     ):
         return Attempt(far, near, estimate, math.inf, step)
-    side = _side(sets, far_size)
+    whole = math.sqrt(far_size[0] * far_size[1])
+    sides = [np.full(len(each.far), min(whole, 2 * each.radius)) for each in sets]
+    side = float(np.concatenate(sides)[order].mean())
     evidence = log10_false_alarms(
         task.model,
         far[estimate.inliers],
@@ -62,11 +73,3 @@ def attempt(
         far_size=(side, side),
     )
     return Attempt(far, near, estimate, evidence, step)
-
-
-def _side(sets: Sequence[Matched], far_size: tuple[int, int]) -> float:
-    """Side of the square in which the matches could have lain, the mean over all matches."""
-    whole = math.sqrt(far_size[0] * far_size[1])
-    sides = [min(whole, 2 * each.radius) for each in sets]
-    counts = [len(each.far) for each in sets]
-    return float(np.average(sides, weights=counts)) if sum(counts) else whole

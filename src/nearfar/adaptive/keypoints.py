@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, RGBPixels
-from nearfar.points import SMALLEST_SIDE, Points, root_sift, sift
+from nearfar.points import Points, keypoints_of, root_sift, sift
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +38,6 @@ class Keypoints:
             self.xy[chosen], self.size[chosen], self.angle[chosen], self.vectors[chosen]
         )
 
-    @property
-    def points(self) -> Points:
-        """The same without sizes and orientations."""
-        return Points(self.xy, self.vectors)
-
 
 def detect_keypoints(pixels: RGBPixels, contrast_threshold: float, most: int = 0) -> Keypoints:
     """SIFT keypoints, described by RootSIFT.
@@ -53,13 +47,6 @@ def detect_keypoints(pixels: RGBPixels, contrast_threshold: float, most: int = 0
         contrast_threshold: lower finds more.
         most: keep only so many, of the highest contrast; 0: all.
     """
-    found, vectors = (), None
-    if min(pixels.shape[:2]) >= SMALLEST_SIDE:
-        grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-        found, vectors = sift(contrast_threshold, most).detectAndCompute(grey, None)
-    if not found:
-        return Keypoints(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), np.float32))
-    table = np.array([(*each.pt, each.size, each.angle) for each in found], np.float64)
-    xy = table[:, :2]
-    rooted = root_sift(Points(xy, np.asarray(vectors, np.float32)))
-    return Keypoints(xy, table[:, 2], np.radians(table[:, 3]), rooted.vectors)
+    table, vectors = keypoints_of(pixels, sift(contrast_threshold, most))
+    rooted = root_sift(Points(table[:, :2], vectors))
+    return Keypoints(rooted.xy, table[:, 2], np.radians(table[:, 3]), rooted.vectors)

@@ -5,7 +5,7 @@ image's landmarks but searched for, at every place, scale and rotation.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.adaptive.hypothesis import Hypothesis
-from nearfar.adaptive.views import FRONTAL, View, simulate
+from nearfar.adaptive.views import FRONTAL, simulate
 from nearfar.adaptive.zoom import scaled
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.descriptors import DenseDescriptor, FeatureMap
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import transform, translation
 
 TEMPLATE_SIDE = 80
 """The near image is reduced to this longest side, in pixels."""
@@ -124,14 +124,10 @@ def _features(
     return matrix, descriptor.feature_map(resized)
 
 
-def templates(
-    pixels: RGBPixels, descriptor: DenseDescriptor, views: Sequence[View] = (FRONTAL,)
-) -> list[Template]:
-    """The reduced image as a template, in every view and rotation."""
+def templates(pixels: RGBPixels, descriptor: DenseDescriptor) -> list[Template]:
+    """The reduced image as a template, in every rotation."""
     reduced, matrix = scaled(pixels, TEMPLATE_SIDE / max(pixels.shape[:2]))
-    return [
-        _template(reduced, matrix, view, angle, descriptor) for view in views for angle in ANGLES
-    ]
+    return [_template(reduced, matrix, angle, descriptor) for angle in ANGLES]
 
 
 def search(
@@ -160,17 +156,13 @@ def search(
 def _template(
     pixels: RGBPixels,
     template_from_near: Matrix3,
-    view: View,
     angle: float,
     descriptor: DenseDescriptor,
 ) -> Template:
-    seen, matrix = simulate(pixels, view, angle)
-    border = [_border(side) for side in seen.shape[:2]]
-    (top, bottom), (left, right) = border
+    seen, matrix = simulate(pixels, FRONTAL, angle)
+    (top, bottom), (left, right) = map(_border, seen.shape[:2])
     padded = cv2.copyMakeBorder(seen, top, bottom, left, right, cv2.BORDER_REFLECT_101)
-    shift = np.eye(3)
-    shift[:2, 2] = left, top
-    matrix = shift @ matrix
+    matrix = translation(left, top) @ matrix
     features = descriptor.feature_map(np.asarray(padded))
     rows, columns = features.values.shape[:2]
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
@@ -203,11 +195,10 @@ def _peaks(
         y, x = np.nonzero(score == highest)
         best = np.argsort(-score[y, x], kind="stable")[:most]
         for row, column in zip(y[best], x[best], strict=True):
-            shift = np.eye(3)
-            shift[:2, 2] = level.stride * (
-                np.array([column, row]) - np.array(template.shape[::-1]) // 2
-            )
-            matrix = np.linalg.inv(level.level_from_image) @ shift @ template.template_from_near
+            corner = np.array([column, row]) - np.array(template.shape[::-1]) // 2
+            level_from_template = translation(*(level.stride * corner))
+            level_from_near = level_from_template @ template.template_from_near
+            matrix = np.linalg.inv(level.level_from_image) @ level_from_near
             yield Hypothesis(matrix, float(score[row, column]), "landmarks")
 
 

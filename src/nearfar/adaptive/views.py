@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.geometry.homography import outline, transform
+from nearfar.geometry.homography import outline, transform, translation
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,7 @@ def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixel
     )
     corners = transform(matrix, outline(width, height))
     low, high = corners.min(axis=0), corners.max(axis=0)
-    shift = np.eye(3)
-    shift[:2, 2] = -low - 0.5
-    matrix = shift @ matrix
+    matrix = translation(*(-low - 0.5)) @ matrix
     size = tuple(int(side) for side in np.ceil(high - low - 1e-6))
     blurred = _blurred(pixels, view) if view.tilt > 1 else pixels
     seen = cv2.warpAffine(blurred, matrix[:2], size, borderMode=cv2.BORDER_REFLECT_101)

@@ -14,6 +14,7 @@ from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.keypoints import Keypoints
 from nearfar.adaptive.nearest import Nearest
 from nearfar.arrays import Coordinates, IndexPairs, Mask
+from nearfar.points import first_of_each_cell
 
 MOST_MATCHES = 3000
 LEAST_WEIGHT = 0.08
@@ -117,7 +118,10 @@ def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
         if len(found) == most:
             break
         best = int((agreeing @ weight).argmax())
-        supporters = _one_to_one(matches, np.flatnonzero(agreeing[best] & (weight > 0)))
+        supporters = np.flatnonzero(agreeing[best] & (weight > 0))
+        supporters = supporters[np.argsort(-weight[supporters], kind="stable")]
+        places = matches.far[supporters], matches.near[supporters]
+        supporters = supporters[first_of_each_cell(*places, CELL)]
         weight[agreeing[best]] = 0
         if len(supporters) == 0:
             break
@@ -146,12 +150,3 @@ def local_support(matches: Tentative) -> NDArray[np.float64]:
         near_by = np.hypot(*(matches.near - matches.near[seed]).T) < NEIGHBOURHOOD
         support[seed] = matches.weight[near_by & matches.agreeing(seed)].sum()
     return support
-
-
-def _one_to_one(matches: Tentative, index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Of some matches the most distinctive such that no place of either image comes twice."""
-    index = index[np.argsort(-matches.weight[index], kind="stable")]
-    for xy in (matches.far, matches.near):
-        _, first = np.unique(np.floor(xy[index] / CELL), axis=0, return_index=True)
-        index = index[np.sort(first)]
-    return index

@@ -18,7 +18,7 @@ from nearfar.adaptive.nearest import (
 from nearfar.adaptive.views import View, simulate
 from nearfar.adaptive.votes import Tentative, hypotheses, matches_of, tentative_matches
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import scaling, transform, translation
 
 CONTRAST = 0.01
 RATIO = 0.9
@@ -170,8 +170,7 @@ def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | 
     if not (np.isfinite(scale) and scale > 0):
         return None
     enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, LONGEST_SIDE / extent.max())
-    frame_from_far = np.diag([enlarged, enlarged, 1.0])
-    frame_from_far[:2, 2] = 0.5 * enlarged - 0.5 - enlarged * (low + 0.5)
+    frame_from_far = scaling(enlarged, enlarged) @ translation(*(-low - 0.5))
     frame_width, frame_height = np.ceil(extent * enlarged).astype(int)
     size = int(frame_width), int(frame_height)
     return Region(far, near, frame_from_far, frame_from_far @ far_from_near, size)
@@ -222,8 +221,7 @@ def scaled(pixels: RGBPixels, factor: float) -> tuple[RGBPixels, Matrix3]:
     height, width = pixels.shape[:2]
     size = max(16, round(width * factor)), max(16, round(height * factor))
     mode = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    x, y = size[0] / width, size[1] / height
-    matrix = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1.0]])
+    matrix = scaling(size[0] / width, size[1] / height)
     return np.asarray(cv2.resize(pixels, size, interpolation=mode)), matrix
 
 

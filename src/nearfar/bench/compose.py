@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import normalized, outline, transform
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.geometry.homography import normalized, outline, transform, translation
 
 SCENE_SIZE = (1200, 900)
 """Width and height of a scene; a side that cannot hold the photograph grows until it does."""
@@ -69,7 +69,7 @@ def random_view(
     needed = np.ceil(corners.max(axis=0) - low - _ROUNDING).astype(int)
     scene = np.maximum(SCENE_SIZE, needed)
     place = rng.integers(scene - needed, endpoint=True)
-    placed = _translation(place - 0.5 - low) @ seen
+    placed = translation(*(place - 0.5 - low)) @ seen
     return View(normalized(placed), int(scene[0]), int(scene[1]), tilt)
 
 
@@ -98,7 +98,7 @@ def tilt_homography(width: int, height: int, degrees: float, axis: float) -> Mat
     focal = FOCAL_LENGTH * max(width, height)
     plane = np.column_stack([rotation[:, :2], [0.0, 0.0, focal]])
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
-    tilted = _translation(centre) @ np.diag([focal, focal, 1]) @ plane @ _translation(-centre)
+    tilted = translation(*centre) @ np.diag([focal, focal, 1]) @ plane @ translation(*-centre)
     return normalized(tilted)
 
 
@@ -121,7 +121,7 @@ def compose(photo: RGBPixels, view: View, scene: RGBPixels) -> RGBPixels:
     corners = transform(view.scene_from_photo, outline(width, height))
     left, top = np.floor(corners.min(axis=0) + 0.5 + _ROUNDING).astype(int)
     right, bottom = np.ceil(corners.max(axis=0) + 0.5 - _ROUNDING).astype(int)
-    local = _translation(np.array([-left, -top])) @ view.scene_from_photo
+    local = translation(-left, -top) @ view.scene_from_photo
     colour, coverage = _rendered(photo, local, (int(right - left), int(bottom - top)))
 
     is_grey = (photo[..., :1] == photo).all()
@@ -144,7 +144,7 @@ def _rendered(
     total = np.zeros((size[1], size[0], 4), np.float32)
     for y in _offsets(y_samples):
         for x in _offsets(x_samples):
-            shifted = _translation(np.array([-x, -y])) @ homography
+            shifted = translation(-x, -y) @ homography
             total += cv2.warpPerspective(covered, shifted, size, flags=cv2.INTER_LINEAR)
     total /= x_samples * y_samples
     return total[..., :3], total[..., 3:] / np.float32(255)
@@ -165,7 +165,3 @@ def _samples(homography: Matrix3, width: int, height: int) -> tuple[int, int]:
 def _offsets(count: int) -> NDArray[np.float64]:
     """Centres of equal parts of a pixel, relative to its centre."""
     return (np.arange(count) + 0.5) / count - 0.5
-
-
-def _translation(by: Coordinates) -> Matrix3:
-    return np.array([[1, 0, by[0]], [0, 1, by[1]], [0, 0, 1.0]])

@@ -56,7 +56,8 @@ def _text(found: Localization, saved: list[Path]) -> str:
         else f"failed: {found.reason}"
     ]
     if found.confidence is not None:
-        lines.append(f"confidence: {found.confidence:.2f}, decided by {found.step}")
+        decided = f", decided by {found.step}" if found.localized else ""
+        lines.append(f"confidence: {found.confidence:.2f}{decided}")
     if found.scale_change is not None:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:

@@ -12,6 +12,16 @@ def transform(homography: Matrix3, xy: Coordinates) -> Coordinates:
         return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
 
+def scaling(x: float, y: float) -> Matrix3:
+    """Scales an image about its outer top left corner (pixel centres are at integers)."""
+    return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+
+
+def translation(x: float, y: float) -> Matrix3:
+    """Moves by so many pixels."""
+    return np.array([[1, 0, x], [0, 1, y], [0, 0, 1.0]])
+
+
 def outline(width: int, height: int) -> Coordinates:
     """(4, 2) outer corners of an image: top left, top right, bottom right, bottom left.
 

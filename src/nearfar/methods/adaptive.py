@@ -1,13 +1,11 @@
 """The adaptive localizer: points first, and only where they fail what costs more."""
 
-import math
 import time
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearfar.adaptive.attempt import Attempt, attempt
 from nearfar.adaptive.confidence import confidence
@@ -24,10 +22,10 @@ from nearfar.descriptors import DenseDescriptor
 from nearfar.errors import SettingsError
 from nearfar.estimators import Task
 from nearfar.geometry.homography import outline, transform
-from nearfar.landmarks import LandmarkMatches, landmark_descriptors
+from nearfar.landmarks import LandmarkMatches
 from nearfar.methods import Answer
 from nearfar.point_method import TUNED_THRESHOLD, tuned_estimator
-from nearfar.registry import ESTIMATORS, METHODS
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS
 from nearfar.settings import EFFORTS, Settings
 from nearfar.timing import StageTimer
 
@@ -201,13 +199,10 @@ class Adaptive:
             fitted = len(sets)
             with pair.timer.stage("estimation"):
                 step = batch[0].source if batch else best.step
-                for found in (
-                    attempt(
-                        [_best_first(sets, support)], pair.task, self._ordered, pair.far.size, step
-                    ),
-                    attempt(sets, pair.task, self._estimator, pair.far.size, step),
-                ):
-                    best = min(best, found, key=lambda each: each.evidence)
+                best_first = np.argsort(-np.concatenate(support), kind="stable")[:MOST_ORDERED]
+                ordered = attempt(sets, pair.task, self._ordered, pair.far.size, step, best_first)
+                every = attempt(sets, pair.task, self._estimator, pair.far.size, step)
+                best = min(best, ordered, every, key=lambda each: each.evidence)
         return best
 
     def _hypotheses(self, pair: _Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
@@ -276,19 +271,13 @@ def _landmarks(pair: _Pair) -> LandmarkMatches:
     return LandmarkMatches(far_boxes, near_boxes, support)
 
 
-def _best_first(sets: list[Matched], support: list[NDArray[np.float64]]) -> Matched:
-    """The matches of all sets that have most support, best first."""
-    order = np.argsort(-np.concatenate(support), kind="stable")[:MOST_ORDERED]
-    far = np.vstack([each.far for each in sets])[order]
-    near = np.vstack([each.near for each in sets])[order]
-    return Matched(far, near, math.inf, sets[0].tentative)
-
-
 def _dense_descriptor(settings: Settings) -> DenseDescriptor:
-    (descriptor, *others) = landmark_descriptors(settings)
-    if others or not isinstance(descriptor, DenseDescriptor):
-        raise SettingsError(
-            f"the method adaptive needs one descriptor with feature maps, hog or squeezenet-..., "
-            f"not {settings.descriptor!r}"
-        )
-    return descriptor
+    name = settings.descriptor
+    if "+" not in name and hasattr(DESCRIPTORS.factory(name), "feature_map"):
+        descriptor = DESCRIPTORS.create(name, settings)
+        if isinstance(descriptor, DenseDescriptor):
+            return descriptor
+    raise SettingsError(
+        f"the method adaptive needs one descriptor with feature maps, hog or squeezenet-..., not "
+        f"{name!r}: choose another, or --method paper"
+    )

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import outline
+from nearfar.geometry.homography import outline, scaling, translation
 from nearfar.pictures.agreement import quadrangle_area
 from nearfar.pictures.draw import clipped
-from nearfar.pictures.view import rendered, scaling, translation
+from nearfar.pictures.view import rendered
 
 if TYPE_CHECKING:
     from nearfar.localization import Localization

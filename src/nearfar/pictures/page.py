@@ -8,11 +8,11 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import scaling, transform
 from nearfar.image import Image
 from nearfar.pictures.draw import WHITE, Colour
 from nearfar.pictures.text import INK, MUTED, shortened, text_width, write
-from nearfar.pictures.view import rendered, scaling
+from nearfar.pictures.view import rendered
 
 MARGIN = 28
 GAP = 20

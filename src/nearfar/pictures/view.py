@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import scaling, transform
 from nearfar.image import Image
 
 _LONGEST = 32_000
@@ -13,16 +13,6 @@ _LONGEST = 32_000
 
 _SAMPLES = 33
 """Places along each side of a frame at which the magnification is looked at."""
-
-
-def scaling(x: float, y: float) -> Matrix3:
-    """Scales an image about its outer top left corner (pixel centres are at integers)."""
-    return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
-
-
-def translation(x: float, y: float) -> Matrix3:
-    """Moves by so many pixels."""
-    return np.array([[1, 0, x], [0, 1, y], [0, 0, 1.0]])
 
 
 def rendered(
