@@ -254,8 +254,9 @@ class TestCommand:
         assert capsys.readouterr().out == f"{path}\n"
         assert main(["weights", "show"]) == 0
         shown = capsys.readouterr().out.splitlines()
-        assert shown[0] == f"resnet50: {path}"
-        assert "--weights squeezenet=FILE" in shown[1]
+        assert shown[0] == "nearfar: comes with the package"
+        assert shown[1] == f"resnet50: {path}"
+        assert "--weights squeezenet=FILE" in shown[2]
 
     def test_a_failure_is_one_line(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["weights", "fetch", "alexnet"]) == 2

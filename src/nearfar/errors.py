@@ -28,6 +28,14 @@ class BenchmarkError(NearfarError):
     """A benchmark's data are missing or malformed."""
 
 
+class TrainingError(NearfarError):
+    """There is too little to train on, or a folder holds another training."""
+
+
+class MapError(NearfarError):
+    """A map is missing, of another kind, in use, or an image of it is unknown."""
+
+
 class ExternalMethodError(NearfarError):
     """A matcher that was named by `python:module.function` raised an exception."""
 

@@ -1,6 +1,7 @@
 """Localizing pairs of images with one set of settings."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,6 +70,7 @@ class Localizer:
         *,
         model: ModelKind | None = None,
         intrinsics: IntrinsicsSource | None = None,
+        expected: Sequence[Matrix3] = (),
     ) -> Localization:
         """Find where the near image lies in the far image.
 
@@ -77,6 +79,8 @@ class Localizer:
             near: path or array of the image that shows the scene larger.
             model: kind of model; where None, pose with intrinsics and homography without.
             intrinsics: intrinsics of both cameras in pixels of the original images.
+            expected: approximate `far_from_near`, homographies between the original images, that
+                are tried before any other guess; only the method `adaptive` uses them.
 
         Returns:
             The localization; its status is "failed" where none was found.
@@ -94,10 +98,23 @@ class Localizer:
         answer = self._method.localize(
             self._extract(far_image, timer),
             self._extract(near_image, timer),
-            _task(kind, known, far_image, near_image),
+            _task(kind, known, far_image, near_image, expected),
             timer,
         )
         return self._localization(kind, answer, far_image, near_image, timer)
+
+    def remember(self, image: Image, features: Any) -> None:
+        """Take the features of an image as known, so that they need not be computed.
+
+        Args:
+            image: at its working size.
+            features: what the method of the settings computes for it.
+        """
+        self._keep(image.content_hash, features)
+
+    def _keep(self, key: str, features: Any) -> None:
+        if features.nbytes <= self._features.maxsize:
+            self._features[key] = features
 
     def _read(self, source: ImageSource) -> Image:
         return read_image(
@@ -114,8 +131,7 @@ class Localizer:
             features = self._stored.get_or_compute(
                 key, lambda: self._method.extract(image.pixels, timer)
             )
-        if features.nbytes <= self._features.maxsize:
-            self._features[key] = features
+        self._keep(key, features)
         return features
 
     def _localization(
@@ -232,13 +248,24 @@ def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> Model
     return model
 
 
-def _task(kind: ModelKind, intrinsics: Intrinsics | None, far: Image, near: Image) -> Task:
+def _task(
+    kind: ModelKind,
+    intrinsics: Intrinsics | None,
+    far: Image,
+    near: Image,
+    expected: Sequence[Matrix3],
+) -> Task:
+    far_working_from_original = np.linalg.inv(far.original_from_working)
+    guesses = tuple(
+        far_working_from_original @ each @ near.original_from_working for each in expected
+    )
     if kind != "pose" or intrinsics is None:
-        return Task(kind)
+        return Task(kind, expected=guesses)
     return Task(
         kind,
         _in_working_pixels(intrinsics.far, far),
         _in_working_pixels(intrinsics.near, near),
+        guesses,
     )
 
 

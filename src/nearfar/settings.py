@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from nearfar.errors import SettingsError
 
-NETWORKS = ("resnet50", "squeezenet")
+NETWORKS = ("nearfar", "resnet50", "squeezenet")
 """Networks that descriptors use."""
 
 EFFORTS = ("points", "landmarks", "zoom", "views")
@@ -36,7 +36,7 @@ class Settings:
     method: str = "adaptive"
     """How to localize; `nearfar list` names all methods."""
 
-    descriptor: str = "hog"
+    descriptor: str = "nearfar"
     """What describes a landmark."""
 
     proposer: str = "selective-search"

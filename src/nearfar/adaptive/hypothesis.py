@@ -12,7 +12,8 @@ class Hypothesis:
     Attributes:
         far_from_near: homography, near to far pixels of the working images.
         support: how much speaks for it; comparable within one source.
-        source: what proposed it: "votes", "landmarks", "region views" or "views".
+        source: what proposed it: "expected" (by the caller), "votes", "landmarks", "region views"
+            or "views".
     """
 
     far_from_near: Matrix3

@@ -47,6 +47,10 @@ def detect_keypoints(pixels: RGBPixels, contrast_threshold: float, most: int = 0
         contrast_threshold: lower finds more.
         most: keep only so many, of the highest contrast; 0: all.
     """
-    table, vectors = keypoints_of(pixels, sift(contrast_threshold, most))
-    rooted = root_sift(Points(table[:, :2], vectors))
-    return Keypoints(rooted.xy, table[:, 2], np.radians(table[:, 3]), rooted.vectors)
+    return rooted(*keypoints_of(pixels, sift(contrast_threshold, most)))
+
+
+def rooted(table: NDArray[np.float64], vectors: NDArray[np.float32]) -> Keypoints:
+    """The keypoints of a table and vectors as `keypoints_of` returns them, as RootSIFT."""
+    points = root_sift(Points(table[:, :2], vectors))
+    return Keypoints(points.xy, table[:, 2], np.radians(table[:, 3]), points.vectors)

@@ -5,22 +5,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from nearfar.adaptive.hypothesis import Hypothesis
-from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
-from nearfar.adaptive.nearest import nearest_both_ways
+from nearfar.adaptive.keypoints import detect_keypoints
 from nearfar.adaptive.views import View, simulate
-from nearfar.adaptive.votes import hypotheses, tentative_matches
 from nearfar.adaptive.zoom import inside, region, scaled
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import Coordinates, RGBPixels
+from nearfar.estimators import Estimator, Task
+from nearfar.geometry.homography import transform
+from nearfar.points import Points, match_points_by_ratio, one_match_per_cell
 
 LONGEST_SIDE = 800
 """Images are reduced to this before views of them are simulated, in pixels."""
 CONTRAST = 0.02
-MOST_POINTS = 2000
-"""Keypoints of a view, those of the highest contrast."""
+POINTS_PER_VIEW = 800
+"""Keypoints of a view of a whole image, those of the highest contrast."""
+RATIO = 0.85
+APART = 10.0
+"""Points this close together, in pixels, are one point seen in several views."""
+CELL = 2.0
+"""Side of the cells of which each gives one match, in pixels."""
 PER_VIEW = 2
 """Hypotheses that each view gives at most."""
-AT_ONCE, WHOLE_AT_ONCE = 4, 2
-"""Hypotheses of all views of regions, and of whole images, that are worth a try."""
+AT_ONCE = 4
+"""Hypotheses of all views of regions that are worth a try."""
 LEAST_SUPPORT = 4.5
 """Of a hypothesis from views of regions; by chance it rarely exceeds this."""
 
@@ -45,46 +51,38 @@ def from_region_views(
     return _best([each for each in found if each.support >= LEAST_SUPPORT])[:AT_ONCE]
 
 
-def from_views(
-    far: RGBPixels,
-    near: RGBPixels,
-    far_points: Keypoints,
-    near_points: Keypoints,
-    views: Sequence[View],
-) -> list[Hypothesis]:
-    """Hypotheses from views of either whole image, matched to the other as it is.
+def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Points:
+    """The keypoints of all views of an image together, at their places in the image itself."""
+    small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
+    places: list[Coordinates] = []
+    vectors = []
+    for view in views:
+        seen, view_from_small = simulate(small, view)
+        view_from_image = view_from_small @ small_from_image
+        points = detect_keypoints(seen, CONTRAST, POINTS_PER_VIEW)
+        points = inside(points, view_from_image, pixels)
+        places.append(transform(np.linalg.inv(view_from_image), points.xy))
+        vectors.append(points.vectors)
+    return Points(np.vstack(places), np.vstack(vectors))
+
+
+def from_views(seen: Sequence[tuple[Points, Points]], estimator: Estimator) -> list[Hypothesis]:
+    """The homography that most matches between views of both images agree on.
 
     Args:
-        far: the far image.
-        near: the near image.
-        far_points: its keypoints.
-        near_points: those of the near image.
-        views: which views.
+        seen: keypoints of views of the far and of the near image, of one set of views or several.
+        estimator: of the homography.
     """
-    found: list[Hypothesis] = []
-    same = np.eye(3)
-    for view in views:
-        points, view_from_near = _seen(near, view)
-        found += [each.between(same, view_from_near) for each in _votes(far_points, points)]
-        points, view_from_far = _seen(far, view)
-        far_from_view = np.linalg.inv(view_from_far)
-        found += [each.between(far_from_view, same) for each in _votes(points, near_points)]
-    return _best(found)[:WHOLE_AT_ONCE]
-
-
-def _seen(pixels: RGBPixels, view: View) -> tuple[Keypoints, Matrix3]:
-    """Keypoints of a view of an image, and the transform from the image to the view."""
-    small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
-    seen, view_from_small = simulate(small, view)
-    view_from_image = view_from_small @ small_from_image
-    return inside(
-        detect_keypoints(seen, CONTRAST, MOST_POINTS), view_from_image, pixels
-    ), view_from_image
-
-
-def _votes(far: Keypoints, near: Keypoints) -> list[Hypothesis]:
-    nearest = nearest_both_ways(far, near)
-    return hypotheses(tentative_matches(far, near, *nearest), PER_VIEW, "views")
+    far, near = (
+        Points(np.vstack([each.xy for each in side]), np.vstack([each.vectors for each in side]))
+        for side in zip(*seen, strict=True)
+    )
+    pairs = match_points_by_ratio(far, near, RATIO, apart=APART)
+    pairs = one_match_per_cell(far, near, pairs, CELL)
+    fitted = estimator.estimate(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], Task("homography"))
+    if fitted.far_from_near is None:
+        return []
+    return [Hypothesis(np.asarray(fitted.far_from_near), float(fitted.inliers.sum()), "views")]
 
 
 def _best(found: list[Hypothesis]) -> list[Hypothesis]:

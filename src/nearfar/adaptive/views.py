@@ -1,5 +1,6 @@
 """View simulation (Morel and Yu, 2009): an image as it would look from aside."""
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -23,8 +24,18 @@ class View:
 
 
 FRONTAL = View(1.0, 0.0)
-FEW = tuple(View(2.0, axis) for axis in range(0, 180, 45))
-MORE = tuple(View(4.0, axis) for axis in np.arange(0, 180, 22.5))
+
+
+def around(tilt: float, count: int) -> tuple[View, ...]:
+    """Views of one tilt along so many axes, evenly spread."""
+    return tuple(View(tilt, 180 * index / count) for index in range(count))
+
+
+FEW, MORE = around(2, 4), around(4, 8)
+"""Of regions."""
+ALL_AROUND = ((FRONTAL, *FEW, *MORE), (*around(2 * math.sqrt(2), 6), *around(4 * math.sqrt(2), 12)))
+"""Of whole images, and those that are added where they do not suffice; tilts and axes are nearly
+those of ASIFT (Morel and Yu, 2009)."""
 
 
 def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixels, Matrix3]:

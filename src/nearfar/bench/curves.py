@@ -134,7 +134,7 @@ def _bin_means(found: Outcomes, values: NDArray[np.float64], seed: int) -> list[
         sums = weights[:, inside] @ values[inside]
         # A resample without any case of the bin says nothing about it.
         drawn = sums[total > 0] / total[total > 0]
-        means.append(_estimate(float(values[inside].mean()), drawn))
+        means.append(estimate_of(float(values[inside].mean()), drawn))
     return means
 
 
@@ -150,7 +150,7 @@ def half_success(found: Outcomes, method: int, seed: int) -> Estimate:
     weights = resampled_weights(found.bases, seed)
     drawn = np.array([half_point(found.scales, success, row) for row in weights])
     value = half_point(found.scales, success, np.ones(len(success), np.int64))
-    return _estimate(value, drawn)
+    return estimate_of(value, drawn)
 
 
 def scale_text(value: float, found: Outcomes) -> str:
@@ -210,7 +210,7 @@ def monotone_fit(
     return distinct, np.asarray(fit.x, np.float64)
 
 
-def _estimate(value: float, drawn: NDArray[np.float64]) -> Estimate:
+def estimate_of(value: float, drawn: NDArray[np.float64]) -> Estimate:
     """A value with the percentiles of its resamples; of these, values may be infinite."""
     tail = (1 - COVERAGE) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")

@@ -50,7 +50,7 @@ NOT_IN_FEATURES = frozenset(
 """Settings that change only what is done with features. (No method draws random numbers for them.)
 """
 
-_PARTS_WITHOUT_FEATURES = frozenset({"bench", "cli", "estimators", "geometry", "pictures"})
+_PARTS_WITHOUT_FEATURES = frozenset({"bench", "cli", "estimators", "geometry", "maps", "pictures"})
 """Parts of the package in which a change leaves stored features valid."""
 
 _STRUCTURE = "structure"

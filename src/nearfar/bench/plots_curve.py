@@ -14,7 +14,7 @@ from nearfar.bench.curves import (
     monotone_fit,
     scale_text,
 )
-from nearfar.bench.plotting import figure_axes
+from nearfar.bench.plotting import figure_axes, save_png_and_svg
 
 _SPREAD = 0.06
 """Distance between the points of two methods in one bin, in natural logarithms of scale."""
@@ -47,7 +47,7 @@ def plot_curve(found: Outcomes, title: str, file: Path, seed: int) -> list[Path]
     axes.set(xlim=(EDGES[0], EDGES[-1]), ylim=(-0.03, 1.03))
     axes.set(xlabel="true scale change", ylabel="share localized (error below 3 px)", title=title)
     axes.legend()
-    return _saved(figure, file)
+    return save_png_and_svg(figure, file)
 
 
 def _draw_method(axes: Any, found: Outcomes, method: int, seed: int) -> None:
@@ -66,15 +66,3 @@ def _draw_method(axes: Any, found: Outcomes, method: int, seed: int) -> None:
     weights = np.ones(len(found.scales), np.int64)
     scales, fitted = monotone_fit(found.scales, found.success[method], weights)
     axes.plot(scales, fitted, color=colour, linewidth=1, alpha=0.7)
-
-
-def _saved(figure: Any, file: Path) -> list[Path]:
-    """Write the PNG and the SVG, with the same bytes for the same figure."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    png, svg = file.with_name(f"{file.name}.png"), file.with_name(f"{file.name}.svg")
-    figure.savefig(png)
-    from matplotlib import rc_context
-
-    with rc_context({"svg.hashsalt": file.name}):
-        figure.savefig(svg, metadata={"Date": None})
-    return [png, svg]

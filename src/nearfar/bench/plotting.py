@@ -27,3 +27,20 @@ def save_figure(figure: Any, file: Path) -> Path:
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file)
     return file
+
+
+def save_png_and_svg(figure: Any, file: Path) -> list[Path]:
+    """Write a figure as PNG and SVG, with the same bytes for the same figure.
+
+    Args:
+        figure: the figure.
+        file: path without a suffix.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    png, svg = file.with_name(f"{file.name}.png"), file.with_name(f"{file.name}.svg")
+    figure.savefig(png)
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": file.name}):
+        figure.savefig(svg, metadata={"Date": None})
+    return [png, svg]

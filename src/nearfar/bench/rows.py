@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from nearfar.errors import BenchmarkError
+from nearfar.networks.landmark_network import landmark_network
 from nearfar.settings import Settings
 
 Row = dict[str, Any]
@@ -23,12 +24,14 @@ PACKAGES = ("numpy", "opencv-contrib-python-headless", "onnxruntime", "pillow", 
 
 
 def settings_table(settings: Settings) -> dict[str, Any]:
-    """Settings for JSON; weights files are named by their SHA-256."""
+    """Settings for JSON; weights files, and the model that ships, are named by their SHA-256."""
     content = dataclasses.asdict(settings)
     content["weights"] = {
         name: hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
         for name, file in sorted(settings.weights.items())
     }
+    if "nearfar" in settings.descriptor.split("+"):
+        content["weights"]["nearfar"] = hashlib.sha256(landmark_network(settings)).hexdigest()
     if content["max_false_alarms"] == float("inf"):
         content["max_false_alarms"] = "inf"
     return content

@@ -12,6 +12,7 @@ from nearfar.cli.list_command import list_command
 from nearfar.cli.localize_command import localize_command
 from nearfar.cli.report_command import report_command
 from nearfar.cli.status import BAD_INPUT
+from nearfar.cli.train_command import train_app
 from nearfar.cli.weights_command import weights_app
 from nearfar.errors import NearfarError
 
@@ -25,6 +26,7 @@ app.command(list_command, name="list")
 app.command(demo_command, name="demo")
 app.command(bench_app, name="bench")
 app.command(report_command, name="report")
+app.command(train_app, name="train")
 app.command(weights_app, name="weights")
 app.register_install_completion_command()
 

@@ -33,6 +33,9 @@ def fetch_command(network: str, /) -> None:
 def show_command() -> None:
     """Name the networks and, for each, the weights file in the cache folder or how to get one."""
     for network in NETWORKS:
+        if network == "nearfar":
+            _console().print("nearfar: comes with the package", markup=False)
+            continue
         try:
             text = f"{network}: {weights_file(network, Settings())}"
         except WeightsError as error:

@@ -30,11 +30,14 @@ class Task:
         far_intrinsics: calibration matrix of the far camera in pixels of its working image; None
             unless the model is a pose.
         near_intrinsics: the same of the near camera.
+        expected: guesses of the homography, near to far pixels of the working images, that are
+            worth a try before any other; only the method `adaptive` uses them.
     """
 
     model: ModelKind
     far_intrinsics: Matrix3 | None = None
     near_intrinsics: Matrix3 | None = None
+    expected: tuple[Matrix3, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

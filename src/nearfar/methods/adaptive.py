@@ -13,8 +13,8 @@ from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
 from nearfar.adaptive.nearest import Nearest, nearest_both_ways
 from nearfar.adaptive.search import Pyramid, pyramid, search, templates
-from nearfar.adaptive.sources import from_region_views, from_views
-from nearfar.adaptive.views import FEW, MORE
+from nearfar.adaptive.sources import from_region_views, from_views, seen_from_aside
+from nearfar.adaptive.views import ALL_AROUND, FEW, MORE
 from nearfar.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.adaptive.zoom import Matched, matched_again, region
 from nearfar.arrays import RGBPixels
@@ -25,6 +25,7 @@ from nearfar.geometry.homography import outline, transform
 from nearfar.landmarks import LandmarkMatches
 from nearfar.methods import Answer
 from nearfar.point_method import TUNED_THRESHOLD, tuned_estimator
+from nearfar.points import Points
 from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS
 from nearfar.settings import EFFORTS, Settings
 from nearfar.timing import StageTimer
@@ -153,7 +154,7 @@ class Adaptive:
     def _try(self, pair: _Pair, hypothesis: Hypothesis) -> Attempt:
         """Match under a hypothesis, and again under the model found so, where it is promising."""
         found = self._attempt(pair, [self._match(pair, hypothesis, REACH)], hypothesis.source)
-        if found.evidence >= PROMISING or not self._may("zoom"):
+        if found.evidence >= PROMISING or not self._zooms(hypothesis.source):
             return found
         again = self._again(pair, found, SECOND_REACH)
         return min(found, again, key=lambda each: each.evidence)
@@ -208,7 +209,11 @@ class Adaptive:
     def _hypotheses(self, pair: _Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
         """Hypotheses in batches, those that cost least first; each is computed when asked for."""
         far, near, timer = pair.far, pair.near, pair.timer
-        if not self._may("landmarks") or best.evidence <= STRONG[pair.task.model]:
+        if best.evidence <= STRONG[pair.task.model]:
+            return
+        if pair.task.expected:
+            yield [Hypothesis(each, 0.0, "expected") for each in pair.task.expected]
+        if not self._may("landmarks"):
             return
         with timer.stage("votes"):
             tentative = tentative_matches(far.keypoints, near.keypoints, *pair.nearest)
@@ -229,17 +234,25 @@ class Adaptive:
                     far.pixels, near.pixels, sought[:PLACES] + voted[:1], views
                 )
             yield found
+        seen: list[tuple[Points, Points]] = []
+        for views in ALL_AROUND:
             with timer.stage("views"):
-                found = from_views(far.pixels, near.pixels, far.keypoints, near.keypoints, views)
+                both = seen_from_aside(far.pixels, views), seen_from_aside(near.pixels, views)
+                seen.append(both)
+                found = from_views(seen, self._local)
             yield found
 
     def _may(self, effort: str) -> bool:
         return EFFORTS.index(effort) <= EFFORTS.index(self._settings.max_effort)
 
+    def _zooms(self, source: str) -> bool:
+        """Whether to zoom in on hypotheses from a source: always on what the caller expects."""
+        return source == "expected" or self._may("zoom")
+
     def _match(self, pair: _Pair, hypothesis: Hypothesis, reach: float) -> Matched:
         """Matches under a hypothesis: of new keypoints, or where zooming is off of the old ones."""
         with pair.timer.stage("zoom"):
-            if not self._may("zoom"):
+            if not self._zooms(hypothesis.source):
                 return matched_again(
                     pair.far.keypoints, pair.near.keypoints, hypothesis.far_from_near, reach
                 )

@@ -145,6 +145,28 @@ class GraphBuilder:
         """Mean of each channel, (N, channels, 1, 1)."""
         return self._add("GlobalAveragePool", source)
 
+    def doubled(self, source: str) -> str:
+        """Every value repeated in a square of 2x2."""
+        scales = self._constant(np.array([1, 1, 2, 2], np.float32))
+        return self._add(
+            "Resize",
+            source,
+            "",
+            scales,
+            mode="nearest",
+            coordinate_transformation_mode="asymmetric",
+            nearest_mode="floor",
+        )
+
+    def unit_length(self, source: str) -> str:
+        """The channels of each place scaled to a vector of unit length."""
+        return self._add("LpNormalization", source, axis=1, p=2)
+
+    def named(self, source: str, name: str) -> str:
+        """The same map under a name of its own, which outputs of a shipped model have."""
+        self._nodes.append(_Node("Identity", (source,), name, {}))
+        return name
+
     def serialized(self, size: int | None, outputs: Sequence[str]) -> bytes:
         """The part of the network that the outputs need, as an ONNX model.
 

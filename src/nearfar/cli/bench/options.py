@@ -24,7 +24,7 @@ class _BenchSettings(Settings):
     """Settings of a benchmark: by default every model counts, as in the paper."""
 
     method: Annotated[str, Parameter(parse=False)] = "paper"
-    descriptor: Annotated[str, Parameter(parse=False)] = "hog"
+    descriptor: Annotated[str, Parameter(parse=False)] = "nearfar"
     max_false_alarms: float = math.inf
     """Count as a failure where so many models as good as the one found are expected by chance; inf
     accepts every model, as the paper does."""

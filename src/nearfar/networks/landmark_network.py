@@ -1,0 +1,57 @@
+"""The network that ships with nearfar: landmarks and cells described by vectors of unit length."""
+
+from importlib import resources
+
+from nearfar.errors import WeightsError
+from nearfar.networks.graph import INPUT
+from nearfar.settings import Settings
+from nearfar.weights import weights_file
+
+FILE = "landmark_network.onnx"
+"""In the package `nearfar.networks`; docs/descriptor.md is its model card."""
+
+CELLS, LANDMARKS = "cells", "landmarks"
+"""Outputs: (N, 64, height/8, width/8), one vector every 8 pixels from the first pixel on, and
+(N, 256, height/16 - 3, width/16 - 3), one vector for every window of 64x64 pixels."""
+
+CROP, STRIDE, GRANULE = 64, 8, 16
+"""Side of the window of a landmark; pixels between cells; what sides of images are multiples of."""
+
+
+def landmark_network(settings: Settings) -> bytes:
+    """The ONNX model that `weights["nearfar"]` names, or the one that ships with nearfar.
+
+    Raises:
+        WeightsError: the file cannot be read.
+    """
+    if "nearfar" not in settings.weights:
+        return resources.files("nearfar.networks").joinpath(FILE).read_bytes()
+    return weights_file("nearfar", settings).read_bytes()
+
+
+def part(model: bytes, output: str, size: int | None) -> bytes:
+    """The part of the model that computes one of its outputs.
+
+    Args:
+        model: the whole model.
+        output: `CELLS` or `LANDMARKS`.
+        size: side of the images in pixels; None: images of any size.
+
+    Raises:
+        WeightsError: this is no model, or it has no such output.
+    """
+    import onnx
+    from google.protobuf.message import DecodeError
+
+    try:
+        extractor = onnx.utils.Extractor(onnx.load_model_from_string(model))
+        extracted = extractor.extract_model([INPUT], [output])
+    except (DecodeError, ValueError, KeyError, onnx.checker.ValidationError) as error:
+        raise WeightsError(
+            f"these weights are no landmark network made by `nearfar train descriptor`: {error}"
+        ) from error
+    if size is not None:
+        sides = extracted.graph.input[0].type.tensor_type.shape.dim[1:3]
+        for side in sides:
+            side.dim_value = size
+    return bytes(extracted.SerializeToString())

@@ -1,0 +1,73 @@
+"""The photographs that a descriptor is trained on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from nearfar.arrays import RGBPixels
+from nearfar.errors import NearfarError
+from nearfar.image import read_image
+
+SMALLEST_SIDE = 64
+"""Of a photograph worth training on, in pixels."""
+LONGEST_SIDE = 2000
+"""Larger photographs are reduced; bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """An image at several sizes.
+
+    Attributes:
+        name: of its file.
+        levels: the image, then each at half the size of the one before.
+    """
+
+    name: str
+    levels: tuple[RGBPixels, ...]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        height, width = self.levels[0].shape[:2]
+        return width, height
+
+
+def read_photographs(folders: list[Path]) -> tuple[list[Photograph], list[str]]:
+    """All photographs in some folders, those in folders below included, sorted by path.
+
+    Returns:
+        The photographs, and one line for each file that is none or too small.
+    """
+    photographs, skipped = [], []
+    for file in sorted(file for folder in folders for file in folder.rglob("*") if file.is_file()):
+        try:
+            pixels = read_image(file, max_size=LONGEST_SIDE).pixels
+        except NearfarError as error:
+            skipped.append(str(error))
+            continue
+        if min(pixels.shape[:2]) < SMALLEST_SIDE:
+            skipped.append(f"{file}: a side is shorter than {SMALLEST_SIDE} pixels")
+            continue
+        photographs.append(Photograph(file.name, _levels(pixels)))
+    return photographs, skipped
+
+
+def _levels(pixels: RGBPixels) -> tuple[RGBPixels, ...]:
+    levels = [pixels]
+    while min(levels[-1].shape[:2]) >= SMALLEST_SIDE:
+        height, width = levels[-1].shape[:2]
+        half = (width // 2, height // 2)
+        levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA)))
+    return tuple(levels)
+
+
+def held_out(
+    photographs: list[Photograph], every: int
+) -> tuple[list[Photograph], list[Photograph]]:
+    """Photographs to train on and, one in `every`, to validate with."""
+    validation = photographs[every - 1 :: every]
+    training = [photograph for photograph in photographs if photograph not in validation]
+    return training, validation

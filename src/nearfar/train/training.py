@@ -1,0 +1,241 @@
+"""Training of the landmark network: reproducible from a seed, and resumable."""
+
+import contextlib
+import dataclasses
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.utils.data import DataLoader
+
+from nearfar.bench.rows import Row, RowFile
+from nearfar.errors import SettingsError, TrainingError
+from nearfar.train.batches import Batch, Batches, BatchShape
+from nearfar.train.losses import contrastive_loss, counterparts, middle, template_loss
+from nearfar.train.network import LandmarkNetwork
+from nearfar.train.photographs import Photograph
+from nearfar.train.validation import validated
+
+CHECKPOINT, LOG, CONFIGURATION = "checkpoint.pt", "log.jsonl", "configuration.json"
+WEIGHTS = {"landmark_loss": 1.0, "template_loss": 1.0, "cell_loss": 0.5}
+"""Of the losses in their sum."""
+WARM_UP = 0.05
+"""Share of the steps in which the learning rate rises; after them it falls like a cosine."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Configuration:
+    """All that decides what is learned from a set of photographs.
+
+    Attributes:
+        steps: batches to train on.
+        width: channels of the network's first layer.
+        shapes: of the batches, in turns. Landmarks are learned from views of 64 pixels, cells from
+            all.
+        learning_rate: the greatest.
+        weight_decay: of AdamW.
+        cells: drawn from each view pair.
+        held_out: one photograph in so many is kept for validation.
+        seed: of weights, regions and views.
+        every: steps from one validation and checkpoint to the next.
+    """
+
+    steps: int = 4500
+    width: int = 32
+    shapes: tuple[BatchShape, ...] = (
+        BatchShape(64, 24, 6),
+        BatchShape(64, 24, 6),
+        BatchShape(128, 18, 2),
+    )
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-2
+    cells: int = 16
+    held_out: int = 8
+    seed: int = 0
+    every: int = 250
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.seed < 0:
+            raise SettingsError("a training needs at least 1 step and a seed of at least 0")
+
+
+FULL = Configuration()
+"""What the shipped descriptor was trained with."""
+
+SMALL = Configuration(
+    steps=40, width=8, shapes=(BatchShape(64, 4, 4), BatchShape(128, 2, 2)), every=20
+)
+"""To try a training."""
+
+
+def train(
+    training: list[Photograph],
+    validation: list[Photograph],
+    configuration: Configuration,
+    out: Path,
+    *,
+    jobs: int = 1,
+    progress: Callable[[int, Row | None], None] | None = None,
+) -> LandmarkNetwork:
+    """Train the network, or go on where a training into `out` was stopped.
+
+    Args:
+        training: photographs to draw regions from.
+        validation: photographs to measure recall on.
+        configuration: what to do.
+        out: folder of checkpoint and log.
+        jobs: processes that make batches, beside the one that trains.
+        progress: called with each step and, where there is one, its line of the log.
+
+    Raises:
+        TrainingError: there are too few photographs, or `out` holds a training with another
+            configuration or other photographs.
+    """
+    if len(training) < 2:
+        raise TrainingError(
+            f"{len(training)} photographs of at least 64x64 pixels are too few to train on"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    _check_configuration(configuration, training, validation, out)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    with _deterministic(configuration.seed):
+        trained = _Training(configuration, device)
+        first = trained.resume(out / CHECKPOINT)
+        batches = Batches(
+            training,
+            configuration.shapes,
+            seed=configuration.seed,
+            first=first,
+            steps=configuration.steps,
+        )
+        start = time.perf_counter()
+        with RowFile(out / LOG) as log:
+            loader = DataLoader(batches, batch_size=None, num_workers=jobs)
+            for step, batch in enumerate(loader, start=first + 1):
+                trained.step(batch, step)
+                row = None
+                if step % configuration.every == 0 or step == configuration.steps:
+                    row = {"step": step, **trained.summary(validation)}
+                    row["seconds"] = time.perf_counter() - start
+                    trained.save(out / CHECKPOINT, step)
+                    log.append(row)
+                if progress is not None:
+                    progress(step, row)
+    network: LandmarkNetwork = trained.network.eval().cpu()
+    return network
+
+
+class _Training:
+    """The network, its optimizer and the losses since the last summary."""
+
+    def __init__(self, configuration: Configuration, device: torch.device) -> None:
+        self._configuration = configuration
+        self._device = device
+        network = LandmarkNetwork(configuration.width)
+        self.network = network.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._optimizer = torch.optim.AdamW(
+            network.parameters(), weight_decay=configuration.weight_decay
+        )
+        self._losses: list[dict[str, float]] = []
+
+    def step(self, batch: Batch, step: int) -> None:
+        """One step of the optimizer."""
+        for group in self._optimizer.param_groups:
+            group["lr"] = learning_rate(self._configuration, step)
+        losses = self._batch_losses(batch, step)
+        loss = torch.stack([WEIGHTS[name] * value for name, value in losses.items()]).sum()
+        self._optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        self._optimizer.step()
+        self._losses.append({name: value.item() for name, value in losses.items()})
+
+    def _batch_losses(self, batch: Batch, step: int) -> dict[str, Tensor]:
+        """The losses of `WEIGHTS`; that of landmarks where the views are of one landmark's size."""
+        self.network.train()
+        views = torch.cat([batch.near, batch.far]).to(self._device).float()
+        with torch.autocast(self._device.type, torch.bfloat16):
+            cells, landmarks = self.network(views.contiguous(memory_format=torch.channels_last))
+        near, far = cells.float().chunk(2)
+        same = batch.same.to(self._device)
+        generator = torch.Generator().manual_seed(self._configuration.seed * 1_000_003 + step)
+        far_from_near = batch.far_from_near.to(self._device)
+        drawn = counterparts(near, far, far_from_near, self._configuration.cells, generator)
+        losses = {
+            "cell_loss": contrastive_loss(*drawn),
+            "template_loss": template_loss(middle(near), middle(far), same),
+        }
+        if landmarks.shape[2:] == (1, 1):
+            near, far = landmarks.float().flatten(1).chunk(2)
+            losses["landmark_loss"] = contrastive_loss(near, far, same)
+        return losses
+
+    def summary(self, validation: list[Photograph]) -> Row:
+        """Mean losses since the last call, and recall on the validation photographs."""
+        row: Row = {}
+        for name in WEIGHTS:
+            own = [losses[name] for losses in self._losses if name in losses]
+            row[name] = math.fsum(own) / len(own) if own else None
+        self._losses.clear()
+        return row | validated(self.network, validation, self._configuration.seed, self._device)
+
+    def save(self, file: Path, step: int) -> None:
+        """Write a checkpoint so that a crash leaves either the old or the new one."""
+        unfinished = file.with_suffix(".part")
+        network, optimizer = self.network.state_dict(), self._optimizer.state_dict()
+        torch.save({"network": network, "optimizer": optimizer, "step": step}, unfinished)
+        unfinished.replace(file)
+
+    def resume(self, file: Path) -> int:
+        """Read the checkpoint, if there is one; returns the steps that are done."""
+        if not file.exists():
+            return 0
+        state = torch.load(file, weights_only=True)
+        self.network.load_state_dict(state["network"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        return int(state["step"])
+
+
+def learning_rate(configuration: Configuration, step: int) -> float:
+    """The learning rate of a step, counted from 1."""
+    done = step / configuration.steps
+    rise = min(1.0, done / WARM_UP)
+    fall = (1 + math.cos(math.pi * min(1.0, max(0.0, done - WARM_UP) / (1 - WARM_UP)))) / 2
+    return configuration.learning_rate * rise * max(fall, 1e-3)
+
+
+def _check_configuration(
+    configuration: Configuration,
+    training: list[Photograph],
+    validation: list[Photograph],
+    out: Path,
+) -> None:
+    content: dict[str, Any] = dataclasses.asdict(configuration)
+    content["training"] = [photograph.name for photograph in training]
+    content["validation"] = [photograph.name for photograph in validation]
+    text = json.dumps(content, indent=1)
+    file = out / CONFIGURATION
+    if file.exists() and file.read_text(encoding="utf-8") != text:
+        raise TrainingError(
+            f"{out} holds a training with another configuration or other photographs: choose "
+            "another folder"
+        )
+    file.write_text(text, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def _deterministic(seed: int) -> Iterator[None]:
+    """The same results for the same seed, as far as torch can; restores what was set before."""
+    before = torch.are_deterministic_algorithms_enabled()
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        torch.use_deterministic_algorithms(True, warn_only=True)
+        try:
+            yield
+        finally:
+            torch.use_deterministic_algorithms(before)

@@ -1,0 +1,46 @@
+"""Recall on photographs that were held out of a training."""
+
+import torch
+
+from nearfar.bench.rows import Row
+from nearfar.train.batches import Batches, BatchShape
+from nearfar.train.losses import counterparts, template_cosines
+from nearfar.train.network import CROP, LandmarkNetwork
+from nearfar.train.photographs import Photograph
+
+REGIONS = 600
+"""About how many view pairs are compared."""
+CELLS = 4
+"""Cells drawn from each view pair."""
+
+
+def validated(
+    network: LandmarkNetwork, photographs: list[Photograph], seed: int, device: torch.device
+) -> Row:
+    """How often the nearest of all far vectors is the right one.
+
+    Returns:
+        `landmark_recall` and `template_recall` among all regions, by their landmarks' cosine and by
+        that of their cells one by one, and `cell_recall` among the cells of all views; those that
+        overlap too much to be told apart do not count.
+    """
+    if not photographs:
+        return {}
+    shape = BatchShape(CROP, len(photographs), -(-REGIONS // len(photographs)))
+    batch = Batches(photographs, (shape,), seed=seed, first=0, steps=1)[0]
+    network.eval()
+    with torch.no_grad():
+        halves = [network(views.float().to(device)) for views in (batch.near, batch.far)]
+    (near_cells, near), (far_cells, far) = [[each.cpu() for each in half] for half in halves]
+    generator = torch.Generator().manual_seed(seed)
+    drawn = counterparts(near_cells, far_cells, batch.far_from_near, CELLS, generator)
+    return {
+        "landmark_recall": _recall(near.flatten(1) @ far.flatten(1).T, batch.same),
+        "template_recall": _recall(template_cosines(near_cells, far_cells), batch.same),
+        "cell_recall": _recall(drawn[0] @ drawn[1].T, drawn[2]),
+    }
+
+
+def _recall(cosines: torch.Tensor, ignored: torch.Tensor) -> float:
+    nearest = cosines.masked_fill(ignored, -2).argmax(dim=1)
+    return float((nearest == torch.arange(len(cosines))).float().mean())

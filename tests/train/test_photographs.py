@@ -1,0 +1,24 @@
+from pathlib import Path
+
+from nearfar.train.photographs import Photograph, held_out, read_photographs
+
+
+def test_reads_every_photograph_and_says_what_is_none(folder: Path) -> None:
+    photographs, skipped = read_photographs([folder])
+    names = [photograph.name for photograph in photographs]
+    assert names == ["astronaut.png", "rocket.png", "chelsea.png", "coffee.png"]
+    assert len(skipped) == 2
+    assert any("narrow.png" in line and "shorter" in line for line in skipped)
+    assert any("notes.txt" in line for line in skipped)
+
+
+def test_levels_halve(photographs: list[Photograph]) -> None:
+    astronaut = photographs[0]
+    assert astronaut.size == (512, 512)
+    assert [level.shape[0] for level in astronaut.levels] == [512, 256, 128, 64, 32]
+
+
+def test_held_out_photographs_are_not_trained_on(photographs: list[Photograph]) -> None:
+    training, validation = held_out(photographs, 3)
+    assert validation == [photographs[2]]
+    assert training == [photographs[0], photographs[1], photographs[3]]

@@ -1,0 +1,93 @@
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from nearfar.bench.rows import read_rows  # noqa: E402
+from nearfar.errors import SettingsError, TrainingError  # noqa: E402
+from nearfar.train.photographs import Photograph  # noqa: E402
+from nearfar.train.training import CHECKPOINT, LOG, SMALL, Configuration, train  # noqa: E402
+
+FEW = dataclasses.replace(SMALL, steps=6, every=2)
+
+
+class StoppedError(Exception):
+    """A training is killed."""
+
+
+def trained(
+    photographs: list[Photograph], out: Path, configuration: Configuration = FEW
+) -> dict[str, Any]:
+    return dict(train(photographs[:3], photographs[3:], configuration, out, jobs=0).state_dict())
+
+
+def test_resumed_training_ends_like_one_in_a_go(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    whole = trained(photographs, tmp_path / "whole")
+
+    def stop(step: int, _row: object) -> None:
+        if step == 5:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        train(photographs[:3], photographs[3:], FEW, tmp_path / "parts", jobs=0, progress=stop)
+    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4]
+    parts = trained(photographs, tmp_path / "parts")
+    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4, 6]
+    for name, values in whole.items():
+        assert torch.equal(values, parts[name]), name
+
+
+def test_same_seed_same_network_another_seed_another(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    one, same = (trained(photographs, tmp_path / name) for name in ("one", "same"))
+    other = trained(photographs, tmp_path / "other", dataclasses.replace(FEW, seed=1))
+    weight = "landmark.weight"
+    assert torch.equal(one[weight], same[weight])
+    assert not torch.equal(one[weight], other[weight])
+
+
+def test_losses_fall(photographs: list[Photograph], tmp_path: Path) -> None:
+    trained(photographs, tmp_path, dataclasses.replace(SMALL, steps=60, every=20))
+    rows = read_rows(tmp_path / LOG)
+    assert rows[-1]["cell_loss"] < rows[0]["cell_loss"] - 0.2
+    assert rows[-1]["landmark_loss"] < rows[0]["landmark_loss"]
+    assert rows[-1]["cell_recall"] > 3 / 600
+
+
+def test_folder_of_another_training_is_refused(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    trained(photographs, tmp_path)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+    for configuration in (dataclasses.replace(FEW, seed=2), dataclasses.replace(FEW, steps=8)):
+        with pytest.raises(TrainingError, match="another configuration"):
+            trained(photographs, tmp_path, configuration)
+    with pytest.raises(TrainingError, match="other photographs"):
+        train(photographs[:2], photographs[3:], FEW, tmp_path, jobs=0)
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+def test_too_few_photographs(photographs: list[Photograph], tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="too few"):
+        train(photographs[:1], [], FEW, tmp_path)
+
+
+def test_configuration_is_checked() -> None:
+    with pytest.raises(SettingsError):
+        dataclasses.replace(FEW, steps=0)
+
+
+def test_without_validation_photographs_there_is_no_recall(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    train(photographs, [], FEW, tmp_path, jobs=0)
+    row = read_rows(tmp_path / LOG)[-1]
+    assert "cell_recall" not in row
+    assert np.isfinite(row["cell_loss"])
