@@ -291,6 +291,6 @@ def _dense_descriptor(settings: Settings) -> DenseDescriptor:
         if isinstance(descriptor, DenseDescriptor):
             return descriptor
     raise SettingsError(
-        f"the method adaptive needs one descriptor with feature maps, hog or squeezenet-..., not "
+        f"the method adaptive needs one descriptor with feature maps, such as nearfar or hog, not "
         f"{name!r}: choose another, or --method paper"
     )
