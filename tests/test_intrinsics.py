@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nearfar.errors import IntrinsicsError
-from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
+from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_camera, read_intrinsics
 
 FAR, NEAR = [700.0, 710.0, 320.0, 240.0], [1400.0, 1410.0, 300.0, 220.0]
 
@@ -75,3 +75,19 @@ def test_malformed_files_are_refused(tmp_path: Path, text: str) -> None:
         read_intrinsics(file)
     with pytest.raises(IntrinsicsError, match="missing"):
         read_intrinsics(tmp_path / "missing.json")
+
+
+def test_one_camera_by_its_role(tmp_path: Path) -> None:
+    far, near = CameraIntrinsics(*FAR), CameraIntrinsics(*NEAR)
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"map": FAR, "query": NEAR}))
+    assert (read_camera(file, "map"), read_camera(file, "query")) == (far, near)
+    assert read_camera({"far": FAR, "near": NEAR}, "query") == near
+    assert read_camera(far, "query") is far
+    calibration = tmp_path / "calib.txt"
+    calibration.write_text("P0: 700 0 320 0 0 710 240 0 0 0 1 0\n")
+    assert read_camera(calibration, "map") == far
+    for content in ({"map": FAR}, [1, 2, 3, 4]):
+        file.write_text(json.dumps(content))
+        with pytest.raises(IntrinsicsError, match='must hold {"query"'):
+            read_camera(file, "query")

@@ -1,18 +1,29 @@
 """nearfar: find where a close-up lies in an overview photograph, across large changes of scale."""
 
-from nearfar.errors import ImageError, IntrinsicsError, NearfarError, SettingsError, WeightsError
+from nearfar.errors import (
+    ImageError,
+    IntrinsicsError,
+    MapError,
+    NearfarError,
+    SettingsError,
+    WeightsError,
+)
 from nearfar.geometry.pose import RelativePose
 from nearfar.image import Image, read_image
 from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
 from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer, localize
+from nearfar.maps import open_map
+from nearfar.maps.answers import MapAnswer, MapLocalization
+from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.settings import Settings
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CameraIntrinsics",
+    "GeoPlace",
     "Image",
     "ImageError",
     "Intrinsics",
@@ -20,13 +31,18 @@ __all__ = [
     "LandmarkMatches",
     "Localization",
     "Localizer",
+    "MapAnswer",
+    "MapError",
+    "MapLocalization",
     "NearfarError",
     "PointMatches",
+    "QueryPose",
     "RelativePose",
     "Settings",
     "SettingsError",
     "WeightsError",
     "localize",
+    "open_map",
     "read_image",
     "read_intrinsics",
 ]

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -57,6 +57,11 @@ class Intrinsics:
 IntrinsicsSource = Intrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
 """`Intrinsics`, a file, or {"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}."""
 
+CameraSource = CameraIntrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
+"""`CameraIntrinsics`, a file, or a mapping; see `read_camera`."""
+CameraRole = Literal["map", "query"]
+_PAIR_ROLES: dict[CameraRole, str] = {"map": "far", "query": "near"}
+
 
 def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
     """Intrinsics from a mapping, or from a file: JSON of such a mapping, or KITTI's calib.txt.
@@ -71,6 +76,40 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
         return source
     if isinstance(source, Mapping):
         return _from_mapping(source, "the intrinsics")
+    path, content = _read(source)
+    if isinstance(content, CameraIntrinsics):
+        return Intrinsics(content, content)
+    return _from_mapping(content, f"intrinsics file {path}")
+
+
+def read_camera(source: CameraSource, role: CameraRole) -> CameraIntrinsics:
+    """The intrinsics of one camera, of a map's images or of a query.
+
+    Args:
+        source: `CameraIntrinsics`, a mapping, or a file: JSON of such a mapping, or KITTI's
+            calib.txt. A mapping has [fx, fy, cx, cy] under the role, or as "far" (map) or "near"
+            (query).
+        role: which camera.
+
+    Raises:
+        IntrinsicsError: the file cannot be read, or has no valid intrinsics of the camera.
+    """
+    if isinstance(source, CameraIntrinsics):
+        return source
+    name, content = "the intrinsics", source
+    if not isinstance(source, Mapping):
+        path, content = _read(source)
+        name = f"intrinsics file {path}"
+    if isinstance(content, CameraIntrinsics):
+        return content
+    for key in (role, _PAIR_ROLES[role]):
+        if isinstance(content, Mapping) and key in content:
+            return _camera(content[key], name)
+    raise IntrinsicsError(f'{name} must hold {{"{role}": [fx, fy, cx, cy]}}')
+
+
+def _read(source: str | os.PathLike[str]) -> tuple[Path, Any]:
+    """The path of a file, and its JSON content or the camera of a KITTI calib.txt."""
     try:
         path = Path(source)
     except TypeError:
@@ -84,15 +123,13 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
     except (OSError, UnicodeDecodeError) as error:
         raise IntrinsicsError(f"intrinsics file {path} cannot be read: {error}") from error
     if text.startswith("P") and ":" in text:
-        camera = _from_kitti(text, path)
-        return Intrinsics(camera, camera)
+        return path, _from_kitti(text, path)
     try:
-        content = json.loads(text)
+        return path, json.loads(text)
     except (ValueError, RecursionError) as error:
         raise IntrinsicsError(
             f"intrinsics file {path} is neither JSON nor KITTI's calib.txt: {error}"
         ) from error
-    return _from_mapping(content, f"intrinsics file {path}")
 
 
 def _from_mapping(content: Any, name: str) -> Intrinsics:

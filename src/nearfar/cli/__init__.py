@@ -10,6 +10,7 @@ from nearfar.cli.bench import bench_app
 from nearfar.cli.demo_command import demo_command
 from nearfar.cli.list_command import list_command
 from nearfar.cli.localize_command import localize_command
+from nearfar.cli.map_command import map_app
 from nearfar.cli.report_command import report_command
 from nearfar.cli.status import BAD_INPUT
 from nearfar.cli.train_command import train_app
@@ -24,6 +25,7 @@ app = App(
 app.command(localize_command, name="localize")
 app.command(list_command, name="list")
 app.command(demo_command, name="demo")
+app.command(map_app, name="map")
 app.command(bench_app, name="bench")
 app.command(report_command, name="report")
 app.command(train_app, name="train")

@@ -1,0 +1,52 @@
+"""Maps: many images, and others located in them. Needs the extra `map`."""
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nearfar.extras import require
+from nearfar.settings import Settings
+
+if TYPE_CHECKING:
+    from nearfar.maps.map import Map
+
+PACKAGES = ("lancedb", "pyarrow", "joblib", "filelock")
+"""Of the extra `map`."""
+DEFAULTS = Settings(max_effort="zoom")
+"""What verifies where an image may lie."""
+
+
+def open_map(
+    path: str | PathLike[str],
+    *,
+    create: bool = False,
+    max_size: int | None = None,
+    settings: Settings = DEFAULTS,
+    **options: Any,
+) -> "Map":
+    """Open a map.
+
+    Args:
+        path: folder of the map.
+        create: make a map without images where there is none.
+        max_size: of a new map, the longest side in pixels to which images are reduced; 0, the
+            default, does not reduce them. A map made with another is refused.
+        settings: of the method `adaptive`, and the weights of the descriptor.
+        **options: settings to change, by name.
+
+    Raises:
+        MapError: there is no map, the folder holds something else, or the map has another format
+            or `max_size`.
+        MissingExtraError: packages of the extra `map` are not installed.
+        SettingsError: an option is unknown or out of range.
+        WeightsError: a map is to be made and the weights of the descriptor cannot be read.
+    """
+    require("map", *PACKAGES)
+    from nearfar.maps.map import Map
+
+    folder, chosen = Path(path), settings.replace(**options)
+    if create and not Map.exists(folder):
+        return Map.create(folder, chosen, max_size or 0)
+    found = Map(folder, chosen)
+    found.manifest.check_max_size(max_size, folder)
+    return found

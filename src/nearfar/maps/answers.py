@@ -1,0 +1,186 @@
+"""What locating an image in a map finds."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.geometry.pose import RelativePose
+from nearfar.localization import Localization, PointMatches
+from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.pictures import save
+from nearfar.pictures.footprint import footprint_page
+from nearfar.pictures.matches import point_matches
+
+
+@dataclass(frozen=True, eq=False)
+class MapAnswer:
+    """Where a query lies in one image of a map.
+
+    Attributes:
+        image: name of the map image.
+        far_from_near: homography, pixels of the query to pixels of the original map image; or
+            relative pose, where the intrinsics of both cameras are known.
+        footprint: (4, 2) outline of the query in the map image (top left, top right, bottom right,
+            bottom left of the query); None for a pose, and where the horizon crosses the query.
+        scale_change: median over all pairs of inliers of their distance in the query over that in
+            the map image.
+        confidence: calibrated probability that the answer is right.
+        votes: of the query's landmarks for it.
+        points: matched points, in pixels of the original map image (far) and of the query.
+        world: where the query lies on the Earth; None unless the map image is a GeoTIFF.
+        localization: the query localized in the part of the map image that was looked at, in the
+            pixels of that part.
+    """
+
+    image: str
+    far_from_near: Matrix3 | RelativePose
+    footprint: Coordinates | None
+    scale_change: float
+    confidence: float
+    votes: float
+    points: PointMatches
+    world: GeoPlace | None
+    localization: Localization
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer for JSON."""
+        return {
+            "image": self.image,
+            "far_from_near": self._model_as_dict(),
+            "footprint": None if self.footprint is None else self.footprint.tolist(),
+            "scale_change": self.scale_change,
+            "confidence": self.confidence,
+            "votes": self.votes,
+            "world": None if self.world is None else self.world.to_dict(),
+        }
+
+    def _model_as_dict(self) -> dict[str, Any]:
+        model = self.far_from_near
+        if isinstance(model, RelativePose):
+            return {"rotation": model.rotation.tolist(), "translation": model.translation.tolist()}
+        return {"homography": np.asarray(model).tolist()}
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A candidate that was looked at.
+
+    Attributes:
+        image: name of the map image.
+        votes: of the query's landmarks for it.
+        confidence: that the query lies there; 0 where nothing was found or it could not be read.
+        reason: why it is no answer; None where it is one.
+    """
+
+    image: str
+    votes: float
+    confidence: float
+    reason: str | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The candidate for JSON."""
+        return {
+            "image": self.image,
+            "votes": self.votes,
+            "confidence": self.confidence,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class MapLocalization:
+    """Where a query lies in a map, or that it was not found.
+
+    Attributes:
+        answers: the best first; none where it was not found.
+        candidates: what was looked at, in that order.
+        query: path of the query; None for an array.
+        width: of the query, in pixels of the original.
+        height: the same.
+        seconds: wall time by stage.
+        pose: of the query in a model or a list of poses; None without the query's intrinsics, or
+            where no map image that it lies in has a pose.
+    """
+
+    answers: tuple[MapAnswer, ...]
+    candidates: tuple[Verified, ...]
+    query: Path | None
+    width: int
+    height: int
+    seconds: dict[str, float]
+    pose: QueryPose | None = None
+
+    @property
+    def world(self) -> GeoPlace | QueryPose | None:
+        """Where the query lies in the world: its pose, or its place by the best answer."""
+        if self.pose is not None or not self.answers:
+            return self.pose
+        return self.answers[0].world
+
+    @property
+    def located(self) -> bool:
+        """Whether there is an answer."""
+        return bool(self.answers)
+
+    @property
+    def status(self) -> Literal["located", "not found"]:
+        """In words."""
+        return "located" if self.located else "not found"
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no answer; None where there is one."""
+        if self.located:
+            return None
+        if not self.candidates:
+            return "no landmark of the image is like one of the map"
+        best = max(self.candidates, key=lambda each: each.confidence)
+        return f"none of {len(self.candidates)} candidates; {best.image}: {best.reason}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON object of the command line's `--json`."""
+        return {
+            "status": self.status,
+            "reason": self.reason,
+            "query": {
+                "path": None if self.query is None else str(self.query),
+                "width": self.width,
+                "height": self.height,
+            },
+            "answers": [answer.to_dict() for answer in self.answers],
+            "world": None if self.world is None else self.world.to_dict(),
+            "candidates": [candidate.to_dict() for candidate in self.candidates],
+            "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
+        }
+
+    def to_json(self) -> str:
+        """`to_dict` as one line of JSON."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+    def save(self, directory: str | Path, name: str = "location") -> list[Path]:
+        """Write `NAME.json` and, where there is an answer, a picture of the best, `NAME.png`.
+
+        Args:
+            directory: made where missing.
+            name: of the files.
+
+        Returns:
+            The files written.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        folder = Path(directory)
+        folder.mkdir(parents=True, exist_ok=True)
+        written = [folder / f"{name}.json"]
+        written[0].write_text(self.to_json() + "\n", encoding="utf-8")
+        if self.answers:
+            best = self.answers[0].localization
+            page = footprint_page(best)
+            picture = point_matches(best) if page is None else page
+            written.append(save(picture, folder / f"{name}.png"))
+        return written

@@ -1,0 +1,201 @@
+"""Landmarks of a map image and of a query: windows of a pyramid, described by the shipped network.
+
+No proposals: across a large change of scale they do not repeat, but windows of a pyramid do.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.adaptive.zoom import scaled
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.geometry.homography import transform, translation
+from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
+from nearfar.networks.runner import MapNetwork
+from nearfar.settings import Settings
+
+DIMENSIONS = 256
+"""Values of one vector."""
+STRIDE = 16
+"""Pixels between neighbouring windows of the network."""
+SPACING = 32
+"""Pixels between neighbouring windows that are kept."""
+STEP = math.sqrt(2)
+"""Of the pyramids."""
+SMALL, SMALL_ENLARGED = 800, 2.0
+"""Longest side of images that are enlarged, and by how much."""
+LEAST_TEXTURE = 4.0
+"""Windows whose grey values deviate less from their mean are dropped."""
+QUERY_SIDES = (400, 283, 200, 141, 100)
+"""Longer sides of the levels of a query, in pixels."""
+ANGLES = tuple(range(0, 360, 45))
+"""Rotations in which a query is described, in degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Square windows of an image and their vectors.
+
+    Attributes:
+        centre: (N, 2) in pixels of the image.
+        side: (N,) in pixels of the image.
+        angle: (N,) by how much the image was turned before the window was taken, in radians,
+            clockwise as displayed; 0 in a map.
+        vectors: (N, 256) of unit length.
+    """
+
+    centre: Coordinates
+    side: NDArray[np.floating]
+    angle: NDArray[np.floating]
+    vectors: NDArray[np.float16]
+
+    def __len__(self) -> int:
+        return len(self.side)
+
+    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Landmarks":
+        return Landmarks(
+            self.centre[chosen], self.side[chosen], self.angle[chosen], self.vectors[chosen]
+        )
+
+    @staticmethod
+    def joined(parts: list["Landmarks"]) -> "Landmarks":
+        """All landmarks of some sets."""
+        if not parts:
+            none = np.empty(0)
+            return Landmarks(np.empty((0, 2)), none, none, np.empty((0, DIMENSIONS), np.float16))
+        return Landmarks(
+            np.concatenate([each.centre for each in parts]),
+            np.concatenate([each.side for each in parts]),
+            np.concatenate([each.angle for each in parts]),
+            np.concatenate([each.vectors for each in parts]),
+        )
+
+
+def whole_scales(width: int, height: int) -> list[float]:
+    """Scales of the levels of an image: from 1, or from 2 of a small one, down to one window."""
+    largest = SMALL_ENLARGED if max(width, height) <= SMALL else 1.0
+    count = math.floor(math.log(largest * min(width, height) / CROP, STEP) + 1e-9)
+    return [largest / STEP**index for index in range(max(0, count) + 1)]
+
+
+def finer_scales() -> list[float]:
+    """Scales of the levels of a tile of which another shows all the rest, half as large."""
+    return [1.0, 1 / STEP]
+
+
+class LandmarkDescriber:
+    """Finds and describes the landmarks of images.
+
+    Args:
+        settings: `weights["nearfar"]`, where another model than the shipped one is to be used.
+
+    Raises:
+        WeightsError: the file that the settings name is not a landmark network.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        model = part(landmark_network(settings), LANDMARKS, None)
+        self._network = MapNetwork(model, STRIDE, (CROP - 1) / 2)
+
+    def of_map(self, pixels: RGBPixels, scales: list[float]) -> Landmarks:
+        """Landmarks of a map image, in its pixels.
+
+        Args:
+            pixels: the image.
+            scales: of the levels of its pyramid.
+        """
+        levels = [scaled(pixels, scale) for scale in scales]
+        return Landmarks.joined([self._windows(seen, matrix, 0.0) for seen, matrix in levels])
+
+    def of_query(self, pixels: RGBPixels) -> Landmarks:
+        """Landmarks of a query in all rotations, in its pixels."""
+        return Landmarks.joined(list(self._of_query(pixels)))
+
+    def _of_query(self, pixels: RGBPixels) -> Iterator[Landmarks]:
+        height, width = pixels.shape[:2]
+        for side in QUERY_SIDES:
+            reduced, reduced_from_query = scaled(pixels, side / max(height, width))
+            for degrees in ANGLES:
+                angle = math.radians(degrees)
+                seen, seen_from_reduced = turned(reduced, angle)
+                found = self._windows(seen, seen_from_reduced @ reduced_from_query, angle)
+                least, most = [-0.5, -0.5], [width - 0.5, height - 0.5]
+                yield found[np.all((found.centre >= least) & (found.centre <= most), axis=1)]
+
+    def _windows(self, pixels: RGBPixels, seen_from_image: Matrix3, angle: float) -> Landmarks:
+        """The windows of one level, in pixels of the image.
+
+        Args:
+            pixels: the level.
+            seen_from_image: maps pixels of the image to the level.
+            angle: see `Landmarks`.
+        """
+        padded = _in_granules(pixels)
+        vectors = self._network.feature_map(padded).values[
+            :: SPACING // STRIDE, :: SPACING // STRIDE
+        ]
+        rows, columns = vectors.shape[:2]
+        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+        textured = _texture(padded)[:rows, :columns].ravel() >= LEAST_TEXTURE
+        image_from_seen = np.linalg.inv(seen_from_image)
+        centre = transform(image_from_seen, (CROP - 1) / 2 + SPACING * grid[textured].astype(float))
+        scale = math.sqrt(abs(np.linalg.det(image_from_seen[:2, :2])))
+        count = len(centre)
+        return Landmarks(
+            centre,
+            np.full(count, CROP * scale),
+            np.full(count, angle),
+            vectors.reshape(-1, DIMENSIONS)[textured].astype(np.float16),
+        )
+
+
+def turned(pixels: RGBPixels, angle: float) -> tuple[RGBPixels, Matrix3]:
+    """The image turned clockwise about its centre, on a canvas continued by reflection.
+
+    The canvas is so large, and placed so, that windows cover the whole image and one of them is
+    centred at the image's centre.
+
+    Args:
+        pixels: the image.
+        angle: in radians.
+
+    Returns:
+        The canvas, and the transform from pixels of the image to it.
+    """
+    height, width = pixels.shape[:2]
+    cos, sin = math.cos(angle), math.sin(angle)
+    extent = np.array([[abs(cos), abs(sin)], [abs(sin), abs(cos)]]) @ [width, height]
+    size = CROP + 2 * SPACING * np.ceil((extent / 2) // SPACING).astype(int)
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    middle = translation(-(width - 1) / 2, -(height - 1) / 2)
+    matrix = translation(*((size - 1) / 2)) @ turn @ middle
+    canvas = cv2.warpPerspective(
+        pixels, matrix, (int(size[0]), int(size[1])), borderMode=cv2.BORDER_REFLECT
+    )
+    return np.asarray(canvas), matrix
+
+
+def _in_granules(pixels: RGBPixels) -> RGBPixels:
+    """The image continued by reflection to full granules of the network, at least one window."""
+    height, width = pixels.shape[:2]
+    missing = [max(CROP - side, -side % GRANULE) for side in (height, width)]
+    return np.pad(pixels, ((0, missing[0]), (0, missing[1]), (0, 0)), "symmetric")
+
+
+def _texture(pixels: RGBPixels) -> NDArray[np.float64]:
+    """(rows, columns) standard deviation of the grey values of each window that is kept."""
+    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    sums = np.stack(cv2.integral2(grey), axis=-1).astype(np.float64)
+    corners = sums[::SPACING, ::SPACING]
+    step = CROP // SPACING
+    total = (
+        corners[step:, step:]
+        - corners[:-step, step:]
+        - corners[step:, :-step]
+        + corners[:-step, :-step]
+    ) / CROP**2
+    return np.sqrt(np.maximum(total[..., 1] - total[..., 0] ** 2, 0))

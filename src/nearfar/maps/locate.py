@@ -1,0 +1,174 @@
+"""Locating a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
+
+import math
+
+import numpy as np
+
+from nearfar.arrays import RGBPixels
+from nearfar.errors import ImageError
+from nearfar.geometry.homography import footprint, normalized, transform
+from nearfar.geometry.pose import RelativePose
+from nearfar.image import Image, ImageSource, read_image
+from nearfar.intrinsics import CameraIntrinsics
+from nearfar.localization import Localization, PointMatches
+from nearfar.localizer import Localizer
+from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
+from nearfar.maps.files import content_hash, file_of
+from nearfar.maps.keypoints import unpacked_keypoints
+from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
+from nearfar.maps.search import Hits, nearest, nearest_by_index
+from nearfar.maps.sources import open_image
+from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.verification import Place, localized_in, places
+from nearfar.maps.voting import candidates, votes_of
+from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.posing import VIEWS, Posing
+from nearfar.maps.world.views import ViewStore
+from nearfar.methods.adaptive import AdaptiveFeatures
+from nearfar.settings import Settings
+from nearfar.timing import StageTimer
+
+HITS = 50
+"""Map landmarks that each landmark of a query is compared by."""
+CANDIDATES_PER_PLACE = 3
+"""Candidates that are considered for each place that is looked at."""
+SURE = 0.9
+"""Confidence of an answer beyond which no further one is sought."""
+CHOICE = 3
+"""For a pose, of so many times the places that may be looked at those nearest to the first sure
+answer are, since most of the scene is seen from there as well."""
+
+
+class MapLocator:
+    """Locates queries in a map.
+
+    Args:
+        store: the map.
+        settings: of the method `adaptive`, which verifies candidates.
+
+    Raises:
+        MapError: the map was made with another descriptor.
+        WeightsError: the descriptor's file cannot be read.
+    """
+
+    def __init__(self, store: MapStore, settings: Settings) -> None:
+        store.manifest.check_model(settings, store.folder)
+        self._store = store
+        self._settings = settings
+        self._describer = LandmarkDescriber(settings)
+        self._localizer = Localizer(settings)
+        self._images = {image.id: image for image in store.images() if image.usable}
+        self._views = ViewStore(store.folder)
+
+    def locate(
+        self, source: ImageSource, top: int, verify: int, camera: CameraIntrinsics | None = None
+    ) -> MapLocalization:
+        """Find where an image lies in the map; see `Map.locate`."""
+        timer = StageTimer()
+        with timer.stage("reading"):
+            query = read_image(source, max_pixels=self._settings.max_pixels)
+        answers: list[MapAnswer] = []
+        verified: list[Verified] = []
+        waiting = self._places(query, verify if camera is None else CHOICE * verify, timer)
+        seen = {self._images[place.image] for place in waiting}
+        posing = Posing.of(self._views, seen, camera)
+        wanted = top if posing is None else max(top, VIEWS)
+        while waiting and len(verified) < verify:
+            place = waiting.pop(0)
+            with timer.stage("verification"):
+                checked, answer = self._verified(place, query, posing)
+            verified.append(checked)
+            if answer is not None:
+                answers.append(answer)
+            sure = [each.image for each in answers if each.confidence >= SURE]
+            if len(sure) >= wanted:
+                break
+            if posing is not None and len(sure) == 1:
+                waiting.sort(key=lambda each: posing.apart(self._images[each.image].name, sure[0]))
+        answers.sort(key=lambda each: (-each.confidence, -each.votes))
+        pose = None
+        if posing is not None:
+            with timer.stage("pose"):
+                pose = posing.query_pose(answers, self._settings.seed)
+        return MapLocalization(
+            tuple(answers[:top]),
+            tuple(verified),
+            query.path,
+            query.width,
+            query.height,
+            timer.seconds,
+            pose,
+        )
+
+    def _places(self, query: Image, most: int, timer: StageTimer) -> list[Place]:
+        """The parts of map images that most votes are for."""
+        size = query.width, query.height
+        with timer.stage("landmarks"):
+            landmarks = self._describer.of_query(query.pixels)
+        with timer.stage("search"):
+            hits = self._hits(landmarks)
+        with timer.stage("votes"):
+            found = candidates(votes_of(hits, landmarks, size), size)
+            found = found[: CANDIDATES_PER_PLACE * most]
+            tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
+            return places(found, tiles, size)[:most]
+
+    def _hits(self, landmarks: Landmarks) -> Hits:
+        if self._store.indexed:
+            return nearest_by_index(self._store, landmarks.vectors, HITS)
+        return nearest(self._store.blocks(), landmarks.vectors, HITS, self._images)
+
+    def _verified(
+        self, place: Place, query: Image, posing: Posing | None
+    ) -> tuple[Verified, MapAnswer | None]:
+        """The candidates of a place as an answer, or why they are none."""
+        image = self._images[place.image]
+        try:
+            pixels = self._pixels(place, image)
+        except ImageError as error:
+            return Verified(image.name, place.votes, 0.0, str(error)), None
+        cameras = None if posing is None else posing.cameras(image.name)
+        found = localized_in(self._localizer, place, pixels, query.pixels, cameras)
+        confidence = found.confidence or 0.0
+        checked = Verified(image.name, place.votes, confidence, found.reason)
+        return checked, self._answer(place, image, found) if found.localized else None
+
+    def _pixels(self, place: Place, image: MapImage) -> RGBPixels:
+        """The pixels of a place, whose stored keypoints the localizer is told of.
+
+        Raises:
+            ImageError: the file is missing or no longer the one of which the map was made.
+        """
+        file = file_of(image.name, self._store.folder)
+        if content_hash(file) != image.sha256:
+            raise ImageError(
+                f"the file {image.name} is missing or has changed: build the map again"
+            )
+        pixels = open_image(file, self._settings.max_pixels).read(place.tile)
+        stored = self._store.keypoints(image.id, place.tile)
+        if stored is not None:
+            height, width = pixels.shape[:2]
+            features = AdaptiveFeatures(pixels, unpacked_keypoints(stored))
+            self._localizer.remember(Image(pixels, width, height, None), features)
+        return pixels
+
+    def _answer(self, place: Place, image: MapImage, found: Localization) -> MapAnswer:
+        model, corners, world = found.far_from_near, None, None
+        if not isinstance(model, RelativePose):
+            size = found.near.width, found.near.height
+            model = normalized(place.tile.original_from_tile @ np.asarray(model))
+            corners = footprint(model, *size)
+            world = geo_place(file_of(image.name, self._store.folder), model, size)
+        points = found.points
+        in_original = transform(place.tile.original_from_tile, points.far)
+        return MapAnswer(
+            image=image.name,
+            far_from_near=model,
+            footprint=corners,
+            scale_change=(found.scale_change or math.nan) * place.tile.scale,
+            confidence=found.confidence or 0.0,
+            votes=place.votes,
+            points=PointMatches(in_original, points.near, points.inliers),
+            world=world,
+            localization=found,
+        )

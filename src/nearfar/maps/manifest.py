@@ -1,0 +1,111 @@
+"""What a map was made with; other software, settings or descriptors cannot use it."""
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from nearfar.errors import MapError
+from nearfar.networks.landmark_network import landmark_network
+from nearfar.settings import Settings
+
+FILE = "nearfar-map.json"
+FORMAT = 1
+"""Changes with the tables, and with every constant that changes what is stored in them."""
+DESCRIPTOR = "nearfar"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a map was made with.
+
+    Attributes:
+        format: version of the format.
+        nearfar: version of this package that made the map.
+        descriptor: name of the landmark descriptor.
+        model: SHA-256 of its network.
+        max_size: longest side to which images were reduced, in pixels; 0: not at all.
+    """
+
+    format: int
+    nearfar: str
+    descriptor: str
+    model: str
+    max_size: int
+
+    def write(self, folder: Path) -> None:
+        """Write it into the folder of a map.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        text = json.dumps(dataclasses.asdict(self), indent=1) + "\n"
+        (folder / FILE).write_text(text, encoding="utf-8")
+
+    def check_max_size(self, asked: int | None, folder: Path) -> None:
+        """Check that the map was made of images reduced to a size; None fits any.
+
+        Raises:
+            MapError: it was not.
+        """
+        if asked not in (None, self.max_size):
+            raise MapError(
+                f"the map {folder} was made with a max_size of {self.max_size}, not {asked}: leave "
+                f"it out, or build another map"
+            )
+
+    def check_model(self, settings: Settings, folder: Path) -> None:
+        """Check that the map was made with the descriptor of the settings.
+
+        Raises:
+            MapError: it was not.
+            WeightsError: the settings name a file that cannot be read.
+        """
+        asked = model_hash(settings)
+        if asked != self.model:
+            raise MapError(
+                f"the map {folder} was made with the descriptor model {self.model[:12]} (nearfar "
+                f"{self.nearfar}), not with {asked[:12]}: name its file with --weights "
+                f"nearfar=FILE, or build the map anew"
+            )
+
+
+def manifest_for(settings: Settings, max_size: int) -> Manifest:
+    """The manifest of a new map.
+
+    Raises:
+        WeightsError: the settings name a file that cannot be read.
+    """
+    version = importlib.metadata.version("nearfar")
+    return Manifest(FORMAT, version, DESCRIPTOR, model_hash(settings), max_size)
+
+
+def model_hash(settings: Settings) -> str:
+    """SHA-256 of the network that the settings name."""
+    return hashlib.sha256(landmark_network(settings)).hexdigest()
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of a map.
+
+    Raises:
+        MapError: there is no map, or it is one of another format.
+    """
+    try:
+        content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        made = int(content["format"]), str(content["nearfar"])
+    except OSError:
+        raise MapError(f"{folder} is no map: make one with `nearfar map build`") from None
+    except (ValueError, KeyError, TypeError):
+        raise MapError(f"{folder / FILE} is damaged: build the map anew") from None
+    if made[0] != FORMAT:
+        raise MapError(
+            f"the map {folder} has the format {made[0]} (nearfar {made[1]}), this version reads "
+            f"and writes {FORMAT}: build it anew"
+        )
+    try:
+        return Manifest(**content)
+    except TypeError:
+        raise MapError(f"{folder / FILE} is damaged: build the map anew") from None

@@ -1,0 +1,235 @@
+"""A map: images, and others located in them."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+
+from nearfar.errors import MapError, SettingsError
+from nearfar.image import ImageSource
+from nearfar.intrinsics import CameraIntrinsics, CameraSource, read_camera
+from nearfar.maps.answers import MapLocalization
+from nearfar.maps.build import Added, Progress, add_images
+from nearfar.maps.check import Problem, problems
+from nearfar.maps.files import name_of
+from nearfar.maps.locate import MapLocator
+from nearfar.maps.manifest import FILE, Manifest, manifest_for
+from nearfar.maps.sources import image_files
+from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.world.colmap import ColmapModel
+from nearfar.maps.world.poses import Poses
+from nearfar.maps.world.views import View, ViewStore
+from nearfar.settings import Settings
+
+TOP, VERIFY = 1, 5
+"""Answers that are sought, and places that are looked at for them."""
+
+
+def _silent(done: int, of: int) -> None:
+    """Shows no progress."""
+
+
+class Map:
+    """The images of a map on disk; its state when it was opened, and its own changes.
+
+    Args:
+        folder: of the map.
+        settings: of the method `adaptive`, which verifies where an image may lie, and the weights
+            of the descriptor.
+
+    Raises:
+        MapError: there is no map, or it is one of another format.
+        SettingsError: the settings are for another method.
+    """
+
+    def __init__(self, folder: Path, settings: Settings) -> None:
+        if settings.method != "adaptive":
+            raise SettingsError(f"a map is searched by the method adaptive, not {settings.method}")
+        self.settings = settings
+        self._store = MapStore(folder)
+        self._locator: MapLocator | None = None
+
+    @staticmethod
+    def create(folder: Path, settings: Settings, max_size: int) -> "Map":
+        """A new map without images.
+
+        Raises:
+            MapError: the folder holds something else.
+            WeightsError: the weights of the descriptor cannot be read.
+            OSError: the folder cannot be made.
+        """
+        MapStore.create(folder, manifest_for(settings, max_size))
+        return Map(folder, settings)
+
+    @staticmethod
+    def exists(folder: Path) -> bool:
+        """Whether a folder is a map, of any format."""
+        return (folder / FILE).exists()
+
+    @property
+    def folder(self) -> Path:
+        """Where the map is."""
+        return self._store.folder
+
+    @property
+    def manifest(self) -> Manifest:
+        """What the map was made with."""
+        return self._store.manifest
+
+    @property
+    def images(self) -> tuple[MapImage, ...]:
+        """The images, also those that could not be read, sorted by name."""
+        return tuple(self._store.images())
+
+    def locate(
+        self,
+        image: ImageSource,
+        *,
+        top: int = TOP,
+        verify: int = VERIFY,
+        intrinsics: CameraSource | None = None,
+    ) -> MapLocalization:
+        """Find where an image lies in the map.
+
+        Args:
+            image: path or array (RGB).
+            top: how many answers to seek.
+            verify: how many places to look at, those with most votes.
+            intrinsics: of the image's camera, "query" of a file or mapping; with them, and map
+                images whose poses are known, the answer has the pose of the image.
+
+        Returns:
+            The answers, best first; none where the image was not found.
+
+        Raises:
+            ImageError: the image cannot be read.
+            IntrinsicsError: the intrinsics cannot be read.
+            MapError: the map was made with another descriptor.
+            SettingsError: a number is below 1.
+            WeightsError: the weights of the descriptor cannot be read.
+        """
+        if top < 1 or verify < 1:
+            raise SettingsError("top and verify must be at least 1")
+        if self._locator is None:
+            self._locator = MapLocator(self._store, self.settings)
+        camera = None if intrinsics is None else read_camera(intrinsics, "query")
+        return self._locator.locate(image, top, verify, camera)
+
+    def add(
+        self,
+        images: Iterable[str | PathLike[str]],
+        *,
+        jobs: int = 1,
+        progress: Progress = _silent,
+    ) -> Added:
+        """Add images; those that are there already are left, those that have changed replaced.
+
+        Args:
+            images: files, and folders, of which all images are added.
+            jobs: local processes.
+            progress: is told how many of how many images are done.
+
+        Raises:
+            MapError: there is no such file, another process is writing, or the map was made with
+                another descriptor.
+            WeightsError: the weights of the descriptor cannot be read.
+        """
+        self.manifest.check_model(self.settings, self.folder)
+        files = image_files(Path(image) for image in images)
+        with self._changing():
+            return add_images(self._store, files, self.settings, jobs, progress)
+
+    def add_model(self, model: ColmapModel, images: Iterable[str | PathLike[str]]) -> int:
+        """Attach cameras, poses and points of a COLMAP model to images of the map.
+
+        Args:
+            model: the model.
+            images: files and folders that were added; those not in the model are left out.
+
+        Returns:
+            How many images have a pose now by the model.
+
+        Raises:
+            MapError: no image is in the model, or it does not fit, or another process is writing.
+        """
+        world = name_of(model.folder, self.folder)
+        with self._changing():
+            found = [image for image in self._of_files(image_files(map(Path, images))) if image]
+            return self._attached(model.views(world, found))
+
+    def add_poses(
+        self, poses: Poses, camera: CameraIntrinsics, images: Iterable[str | PathLike[str]]
+    ) -> int:
+        """Attach a list of poses to images of the map.
+
+        Args:
+            poses: the list.
+            camera: that took all these images, in pixels of the original images.
+            images: files and folders that were added, in the order of the list.
+
+        Returns:
+            How many images have a pose now by the list.
+
+        Raises:
+            MapError: the list does not fit the images, or another process is writing.
+        """
+        files, world = image_files(map(Path, images)), name_of(poses.file, self.folder)
+        with self._changing():
+            return self._attached(poses.views(world, camera, files, self._of_files(files)))
+
+    def _attached(self, views: dict[int, View]) -> int:
+        ViewStore(self.folder).put(views)
+        return len(views)
+
+    def _of_files(self, files: Iterable[Path]) -> list[MapImage | None]:
+        """The image of each file; None where it is not in the map or could not be read."""
+        known = {image.name: image for image in self._store.images() if image.usable}
+        return [known.get(name_of(file, self.folder)) for file in files]
+
+    def remove(self, names: Iterable[str | PathLike[str]]) -> int:
+        """Remove images.
+
+        Args:
+            names: of images as the map has them, or paths of their files.
+
+        Returns:
+            How many there were.
+
+        Raises:
+            MapError: an image is not in the map, or another process is writing; nothing is removed.
+        """
+        with self._changing():
+            ids = {image.name: image.id for image in self._store.images()}
+            chosen = {self._id_of(str(name), ids) for name in names}
+            self._store.remove(chosen)
+        return len(chosen)
+
+    def problems(self) -> list[Problem]:
+        """What is wrong with the map and the files of its images."""
+        return problems(self._store)
+
+    def compact(self) -> bool:
+        """Merge files, remove those not needed for an hour, and index many landmarks.
+
+        Returns:
+            Whether there is an index.
+
+        Raises:
+            MapError: another process is writing.
+        """
+        with self._changing():
+            return self._store.compact()
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """Be the only writer; what is remembered of the images is forgotten."""
+        with self._store.writing():
+            self._locator = None
+            yield
+
+    def _id_of(self, name: str, ids: dict[str, int]) -> int:
+        of_file = name_of(Path(name), self.folder)
+        for known in (name, of_file):
+            if known in ids:
+                return ids[known]
+        raise MapError(f"{name!r} is not in the map {self.folder}: see `nearfar map info`")

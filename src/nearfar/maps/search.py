@@ -1,0 +1,120 @@
+"""Hits: the landmarks of a map that are most like those of a query."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.maps.store import Block, MapStore
+
+NONE = -1
+"""Image of a hit that is missing, where the map has too few landmarks."""
+QUERIES_AT_ONCE = 256
+"""That an index is asked for; bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """The K map landmarks most like each of Q query landmarks, the best first.
+
+    Attributes:
+        similarity: (Q, K) cosines; -1 where there is none.
+        image: (Q, K) ids of images; `NONE` where there is none.
+        place: (Q, K, 3) x and y of the centre, and side, in pixels of the original image.
+    """
+
+    similarity: NDArray[np.float32]
+    image: NDArray[np.int64]
+    place: NDArray[np.float32]
+
+
+def nearest(
+    blocks: Iterable[Block], vectors: NDArray[np.float16], count: int, images: Iterable[int]
+) -> Hits:
+    """Compare with every landmark of a map.
+
+    Args:
+        blocks: the landmarks.
+        vectors: (Q, 256) of the query, of unit length.
+        count: K.
+        images: ids of images that count.
+    """
+    queries = vectors.astype(np.float32)
+    known = np.array(sorted(images), np.int64)
+    best = _Best.none(len(queries), count)
+    owners, places = [np.empty(0, np.int64)], [np.empty((0, 3), np.float32)]
+    start = 0
+    for block in blocks:
+        similarity = queries @ block.vectors.astype(np.float32).T
+        similarity[:, ~np.isin(block.image, known)] = -np.inf
+        best.update(similarity, start)
+        start += len(block.image)
+        owners.append(block.image)
+        places.append(block.place)
+    missing = best.index < 0
+    owner, place = np.concatenate(owners), np.vstack(places)
+    if not len(owner):
+        owner, place = np.zeros(1, np.int64), np.zeros((1, 3), np.float32)
+    image = np.where(missing, NONE, owner[best.index])
+    return Hits(np.where(missing, -1, best.similarity), image, place[best.index])
+
+
+def nearest_by_index(store: MapStore, vectors: NDArray[np.float16], count: int) -> Hits:
+    """The same by the index of a map, which misses some.
+
+    Args:
+        store: a map with an index.
+        vectors: (Q, 256) of the query, of unit length.
+        count: K.
+    """
+    similarity = np.full((len(vectors), count), -1, np.float32)
+    image = np.full((len(vectors), count), NONE, np.int64)
+    place = np.zeros((len(vectors), count, 3), np.float32)
+    for start in range(0, len(vectors), QUERIES_AT_ONCE):
+        found = store.like(vectors[start : start + QUERIES_AT_ONCE], count)
+        order = np.lexsort((-found.similarity, found.query))
+        query = found.query[order]
+        rank = np.arange(len(query)) - np.searchsorted(query, query)
+        similarity[start + query, rank] = found.similarity[order]
+        image[start + query, rank] = found.image[order]
+        place[start + query, rank] = found.place[order]
+    return Hits(similarity, image, place)
+
+
+class _Best:
+    """The highest similarities so far of each row, in falling order, and their columns."""
+
+    def __init__(self, similarity: NDArray[np.float32], index: NDArray[np.intp]) -> None:
+        self.similarity = similarity
+        self.index = index
+
+    @staticmethod
+    def none(rows: int, count: int) -> "_Best":
+        return _Best(np.full((rows, count), -1, np.float32), np.full((rows, count), -1, np.intp))
+
+    def update(self, similarity: NDArray[np.float32], start: int) -> None:
+        """Take (rows, N) further similarities into account, whose columns start at `start`.
+
+        After the first blocks few exceed the least that is kept, and those alone are sorted.
+        """
+        rows, count = self.similarity.shape
+        better = similarity > self.similarity[:, -1:]
+        if np.count_nonzero(better) > rows * count:
+            better &= similarity >= _at_rank(similarity, count)
+        row, column = np.nonzero(better)
+        if not len(row):
+            return
+        owner = np.concatenate([np.repeat(np.arange(rows), count), row])
+        value = np.concatenate([self.similarity.ravel(), similarity[row, column]])
+        index = np.concatenate([self.index.ravel(), start + column])
+        order = np.lexsort((-value, owner))
+        first = np.searchsorted(owner[order], np.arange(rows))
+        kept = order[first[:, np.newaxis] + np.arange(count)]
+        self.similarity, self.index = value[kept], index[kept]
+
+
+def _at_rank(similarity: NDArray[np.float32], rank: int) -> NDArray[np.float32]:
+    """(rows, 1) the similarity of each row that so many are not below; the least of few."""
+    kept = min(rank, similarity.shape[1])
+    return np.partition(similarity, -kept, axis=1)[:, -kept, np.newaxis]

@@ -1,0 +1,188 @@
+"""The image files of a map, and the tiles that large ones are cut into.
+
+Of GeoTIFFs, and of TIFFs that are too large to be held in memory, only tiles are read (`Raster`).
+"""
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image as PillowImage
+
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.errors import MapError
+from nearfar.geometry.homography import scaling, translation
+from nearfar.image import FORMATS, Image, read_image
+from nearfar.maps.raster import Raster, open_raster, tiff_header
+
+TILE = 1600
+"""Longest side of a tile, in its pixels: the size at which pairs of images are localized."""
+OVERLAP = 0.25
+"""Of neighbouring tiles, as a share of their side, at least."""
+FINER = 2.0
+"""How much more each level of tiles shows than the one before, at most."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A window of an image, reduced.
+
+    Attributes:
+        left: of the window, in pixels of the original image.
+        top: the same.
+        width: the same.
+        height: the same.
+        columns: width of the tile in its own pixels.
+        rows: height of the tile in its own pixels.
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    columns: int
+    rows: int
+
+    @property
+    def original_from_tile(self) -> Matrix3:
+        """Maps pixels of the tile to pixels of the original image."""
+        enlarged = scaling(self.width / self.columns, self.height / self.rows)
+        return np.asarray(translation(self.left, self.top) @ enlarged)
+
+    @property
+    def scale(self) -> float:
+        """Size in the tile over size in the original image."""
+        return math.sqrt(self.columns * self.rows / (self.width * self.height))
+
+
+@dataclass(frozen=True)
+class Core:
+    """The part of a tile whose landmarks no other tile of its level has, in original pixels.
+
+    Attributes:
+        left: included.
+        top: included.
+        right: not included.
+        bottom: not included.
+    """
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """An image that is held in memory as a whole, as displayed (after its EXIF rotation).
+
+    Attributes:
+        image: at its original size.
+    """
+
+    image: Image
+
+    @property
+    def width(self) -> int:
+        """In pixels of the original."""
+        return self.image.width
+
+    @property
+    def height(self) -> int:
+        """In pixels of the original."""
+        return self.image.height
+
+    def read(self, tile: Tile) -> RGBPixels:
+        """The pixels of a tile."""
+        right, bottom = tile.left + tile.width, tile.top + tile.height
+        window = np.ascontiguousarray(self.image.pixels[tile.top : bottom, tile.left : right])
+        if (tile.width, tile.height) == (tile.columns, tile.rows):
+            return window
+        size = tile.columns, tile.rows
+        return np.asarray(cv2.resize(window, size, interpolation=cv2.INTER_AREA))
+
+
+def open_image(file: Path, max_pixels: int) -> Photograph | Raster:
+    """The image in a file.
+
+    Args:
+        file: the image.
+        max_pixels: that are held in memory; a larger TIFF is read tile by tile.
+
+    Raises:
+        ImageError: it cannot be read, or has more pixels than allowed.
+        MissingExtraError: it is a GeoTIFF or a TIFF with more pixels, and the extra `geo` is not
+            installed.
+    """
+    header = tiff_header(file)
+    if header is not None and header.by_tiles(max_pixels):
+        return open_raster(file)
+    return Photograph(read_image(file, max_pixels=max_pixels))
+
+
+def image_files(sources: Iterable[Path]) -> list[Path]:
+    """Files as they are named, and all images in folders and in folders below, without duplicates.
+
+    Raises:
+        MapError: there is no such file, or no image in a folder.
+    """
+    known = PillowImage.registered_extensions()
+    suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
+    found: dict[Path, None] = {}
+    for source in sources:
+        if source.is_dir():
+            inside = sorted(each for each in source.rglob("*") if each.suffix.lower() in suffixes)
+            if not inside:
+                raise MapError(f"the folder {source} holds no images")
+        elif source.is_file():
+            inside = [source]
+        else:
+            raise MapError(f"{source} does not exist")
+        found.update(dict.fromkeys(each.resolve() for each in inside))
+    return list(found)
+
+
+def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:
+    """The tiles of an image: the whole image first, then ever finer levels of overlapping tiles.
+
+    Args:
+        width: of the image.
+        height: of the image.
+        max_size: longest side to which the image is reduced at the finest level; 0: none.
+    """
+    longest = max(width, height)
+    finest = min(1.0, max_size / longest) if max_size else 1.0
+    scale = min(finest, TILE / longest)
+    found = [_level(width, height, scale)]
+    while scale * math.sqrt(FINER) <= finest:
+        scale = min(FINER * scale, finest)
+        found.append(_level(width, height, scale))
+    return found
+
+
+def _level(width: int, height: int, scale: float) -> list[tuple[Tile, Core]]:
+    across, down = _spans(width, scale), _spans(height, scale)
+    return [
+        (Tile(left, top, wide, high, columns, rows), Core(first, upper, last, lower))
+        for top, high, rows, upper, lower in down
+        for left, wide, columns, first, last in across
+    ]
+
+
+def _spans(length: int, scale: float) -> list[tuple[int, int, int, float, float]]:
+    """Start, length, length in the tile, and the core's start and end, of tiles along one side."""
+    side = min(length, math.floor(TILE / scale + 0.5))
+    overlap = OVERLAP * side
+    count = math.ceil((length - overlap) / (side - overlap)) if side < length else 1
+    starts = np.rint(np.linspace(0, length - side, count)).astype(int).tolist()
+    middles = [(start + side + after) / 2 for start, after in itertools.pairwise(starts)]
+    borders = [-math.inf, *middles, math.inf]
+    pixels = min(TILE, max(1, round(side * scale)))
+    return [
+        (start, side, pixels, first, last)
+        for start, (first, last) in zip(starts, itertools.pairwise(borders), strict=True)
+    ]

@@ -1,0 +1,343 @@
+"""The tables of a map on disk: images, their tiles and their landmarks.
+
+LanceDB commits each change to a table as a whole. Tiles and landmarks of an image are committed
+before its row in `images`; without that row they do not count, and the next writer removes them.
+A process may therefore be killed at any time. A reader sees the map as it was when it was opened.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import lancedb
+import numpy as np
+import pyarrow as pa
+from filelock import FileLock, Timeout
+from lancedb.index import IvfPq
+from numpy.typing import NDArray
+
+from nearfar.errors import MapError
+from nearfar.maps.landmarks import DIMENSIONS, Landmarks
+from nearfar.maps.manifest import Manifest, read_manifest
+from nearfar.maps.sources import Tile
+
+OK = "ok"
+"""Status of an image that could be read."""
+INDEX_FROM = 2_000_000
+"""Landmarks from which on `compact` builds an index."""
+KEPT = timedelta(hours=1)
+"""How long files stay that only readers of an older state of the map need."""
+PROBES, REFINED = 20, 4
+"""Partitions of the index that are looked at, and times `count` hits that are compared exactly."""
+READ_AT_ONCE = 4096
+"""Landmarks that are read together."""
+_LOCK = "writer.lock"
+
+_IMAGES = pa.schema(
+    [
+        pa.field("id", pa.int64(), nullable=False),
+        pa.field("name", pa.string(), nullable=False),
+        pa.field("sha256", pa.string(), nullable=False),
+        pa.field("width", pa.int32(), nullable=False),
+        pa.field("height", pa.int32(), nullable=False),
+        pa.field("status", pa.string(), nullable=False),
+        pa.field("landmarks", pa.int32(), nullable=False),
+    ]
+)
+_WINDOW = ("left", "top", "width", "height", "columns", "rows")
+_TILES = pa.schema(
+    [
+        pa.field("image", pa.int64(), nullable=False),
+        *(pa.field(name, pa.int32(), nullable=False) for name in _WINDOW),
+        pa.field("keypoints", pa.large_binary(), nullable=False),
+    ]
+)
+_LANDMARKS = pa.schema(
+    [
+        pa.field("image", pa.int64(), nullable=False),
+        pa.field("x", pa.float32(), nullable=False),
+        pa.field("y", pa.float32(), nullable=False),
+        pa.field("side", pa.float32(), nullable=False),
+        pa.field("vector", pa.list_(pa.float16(), DIMENSIONS), nullable=False),
+    ]
+)
+_SCHEMAS = {"images": _IMAGES, "tiles": _TILES, "landmarks": _LANDMARKS}
+
+
+@dataclass(frozen=True)
+class MapImage:
+    """An image of a map.
+
+    Attributes:
+        id: number by which tiles and landmarks name it; it tells name and content.
+        name: path of its file, relative to the folder that holds the map.
+        sha256: of the file's content; empty where that could not be read.
+        width: as displayed, in pixels; 0 where it could not be read.
+        height: the same.
+        status: "ok", or why it could not be read.
+        landmarks: how many it has.
+    """
+
+    id: int
+    name: str
+    sha256: str
+    width: int
+    height: int
+    status: str
+    landmarks: int
+
+    @property
+    def usable(self) -> bool:
+        """Whether it could be read."""
+        return self.status == OK
+
+
+@dataclass(frozen=True, eq=False)
+class Indexed:
+    """All that a map holds of one image.
+
+    Attributes:
+        image: its row.
+        tiles: each tile with its packed keypoints.
+        landmarks: in pixels of the original image.
+    """
+
+    image: MapImage
+    tiles: list[tuple[Tile, bytes]]
+    landmarks: Landmarks
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some landmarks of a map.
+
+    Attributes:
+        image: (N,) ids of their images.
+        place: (N, 3) x and y of the centre, and side, in pixels of the original image.
+        vectors: (N, 256).
+    """
+
+    image: NDArray[np.int64]
+    place: NDArray[np.float32]
+    vectors: NDArray[np.float16]
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """What an index finds, in any order.
+
+    Attributes:
+        query: (N,) number of the query landmark.
+        image: (N,) id of the image of the map landmark.
+        place: (N, 3) as in `Block`.
+        similarity: (N,) cosine.
+    """
+
+    query: NDArray[np.intp]
+    image: NDArray[np.int64]
+    place: NDArray[np.float32]
+    similarity: NDArray[np.float32]
+
+
+class MapStore:
+    """The tables of a map that exists.
+
+    Args:
+        folder: of the map.
+
+    Raises:
+        MapError: there is no map, or it is one of another format.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.manifest = read_manifest(folder)
+        database: Any = lancedb.connect(folder)
+        # In this order: what an image needs is there before the image.
+        self._images, self._tiles, self._landmarks = map(database.open_table, _SCHEMAS)
+
+    @staticmethod
+    def create(folder: Path, manifest: Manifest) -> "MapStore":
+        """A new map without images.
+
+        Raises:
+            MapError: the folder exists and holds something else.
+            OSError: it cannot be made.
+        """
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise MapError(f"{folder} exists and is no map: choose another place")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        incomplete = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            database = lancedb.connect(incomplete)
+            for name, schema in _SCHEMAS.items():
+                database.create_table(name, schema=schema)
+            manifest.write(incomplete)
+            incomplete.chmod(0o755)
+            incomplete.replace(folder)
+        finally:
+            shutil.rmtree(incomplete, ignore_errors=True)
+        return MapStore(folder)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Be the only writer; what a writer that was killed left behind is removed first.
+
+        Raises:
+            MapError: another process is writing.
+        """
+        lock = FileLock(self.folder / _LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise MapError(
+                f"another process is writing to the map {self.folder}: wait until it is done"
+            ) from None
+        try:
+            for table in (self._images, self._tiles, self._landmarks):
+                table.checkout_latest()
+            self._remove_orphans()
+            yield
+        finally:
+            lock.release()
+
+    def images(self) -> list[MapImage]:
+        """All images, also those that could not be read, sorted by name."""
+        rows = self._images.search().to_list()
+        names = [field.name for field in _IMAGES]
+        found = [MapImage(**{name: row[name] for name in names}) for row in rows]
+        return sorted(found, key=lambda each: each.name)
+
+    def tiles(self, image: int) -> list[Tile]:
+        """The tiles of an image."""
+        rows = self._tiles.search().where(f"image = {image}").select(list(_WINDOW)).to_list()
+        return [Tile(*(row[name] for name in _WINDOW)) for row in rows]
+
+    def keypoints(self, image: int, tile: Tile) -> bytes | None:
+        """The packed keypoints of a tile; None where there is no such tile."""
+        same = [f"{name} = {getattr(tile, name)}" for name in _WINDOW]
+        condition = " AND ".join([f"image = {image}", *same])
+        rows = self._tiles.search().where(condition).select(["keypoints"]).limit(1).to_list()
+        return rows[0]["keypoints"] if rows else None
+
+    def blocks(self) -> Iterator[Block]:
+        """All landmarks, some at a time, those without an image included."""
+        query = self._landmarks.search().select(["image", "x", "y", "side", "vector"])
+        for batch in query.to_batches(READ_AT_ONCE):
+            yield _block(batch)
+
+    @property
+    def indexed(self) -> bool:
+        """Whether landmarks have an index."""
+        return bool(self._landmarks.list_indices())
+
+    def like(self, vectors: NDArray[np.float16], count: int) -> Likeness:
+        """The landmarks most like some vectors, by the index, `count` of each or fewer."""
+        asked = self._landmarks.search(vectors.astype(np.float32)).distance_type("cosine")
+        asked = asked.nprobes(PROBES).refine_factor(REFINED).limit(count)
+        rows = asked.select(["image", "x", "y", "side", "_distance"]).to_arrow()
+        return Likeness(
+            rows["query_index"].to_numpy().astype(np.intp),
+            rows["image"].to_numpy(),
+            np.column_stack([rows[name].to_numpy() for name in ("x", "y", "side")]),
+            1 - rows["_distance"].to_numpy(),
+        )
+
+    def landmark_count(self) -> int:
+        """How many landmarks there are, those without an image included."""
+        return int(self._landmarks.count_rows())
+
+    def add(self, entries: Sequence[Indexed]) -> None:
+        """Add images, or replace those of the same names, all together.
+
+        Must be called within `writing`.
+        """
+        if not entries:
+            return
+        names = {entry.image.name for entry in entries}
+        replaced = {each.id for each in self.images() if each.name in names}
+        replaced -= {entry.image.id for entry in entries}
+        self._landmarks.add(pa.concat_tables(map(_landmark_rows, entries)))
+        self._tiles.add(_tile_rows(entries))
+        rows = [[getattr(entry.image, field.name) for entry in entries] for field in _IMAGES]
+        upsert = self._images.merge_insert("name").when_matched_update_all()
+        upsert.when_not_matched_insert_all().execute(_table(rows, _IMAGES))
+        self._remove_parts(replaced)
+
+    def remove(self, images: Collection[int]) -> None:
+        """Remove images; must be called within `writing`."""
+        self._images.delete(f"id IN ({', '.join(map(str, images))})")
+        self._remove_parts(images)
+
+    def compact(self) -> bool:
+        """Merge the files of the tables, remove what is not needed, index many landmarks.
+
+        Must be called within `writing`.
+
+        Returns:
+            Whether there is an index.
+        """
+        indexed = self.landmark_count() >= INDEX_FROM
+        if indexed and not self.indexed:
+            self._landmarks.create_index("vector", config=IvfPq(distance_type="cosine"))
+        for table in (self._images, self._tiles, self._landmarks):
+            table.optimize(cleanup_older_than=KEPT, delete_unverified=True)
+        return indexed
+
+    def orphans(self) -> set[int]:
+        """Ids that tiles or landmarks have but no image."""
+        ids: set[int] = set()
+        for table in (self._tiles, self._landmarks):
+            for batch in table.search().select(["image"]).to_batches():
+                ids.update(np.unique(batch["image"].to_numpy()).tolist())
+        return ids - {each.id for each in self.images()}
+
+    def _remove_orphans(self) -> None:
+        self._remove_parts(self.orphans())
+
+    def _remove_parts(self, images: Collection[int]) -> None:
+        if images:
+            condition = f"image IN ({', '.join(map(str, images))})"
+            self._landmarks.delete(condition)
+            self._tiles.delete(condition)
+
+
+def _block(batch: pa.RecordBatch) -> Block:
+    place = np.column_stack([batch[name].to_numpy() for name in ("x", "y", "side")])
+    vectors = batch["vector"].flatten().to_numpy().reshape(-1, DIMENSIONS)
+    return Block(batch["image"].to_numpy(), place, vectors)
+
+
+def _landmark_rows(entry: Indexed) -> pa.Table:
+    own = entry.landmarks
+    vectors = pa.array(own.vectors.ravel())
+    columns: list[Any] = [
+        np.full(len(own), entry.image.id),
+        *own.centre.T.astype(np.float32),
+        own.side.astype(np.float32),
+        pa.FixedSizeListArray.from_arrays(vectors, DIMENSIONS),
+    ]
+    return _table(columns, _LANDMARKS)
+
+
+def _tile_rows(entries: Sequence[Indexed]) -> pa.Table:
+    rows = [
+        (entry.image.id, *(getattr(tile, name) for name in _WINDOW), keypoints)
+        for entry in entries
+        for tile, keypoints in entry.tiles
+    ]
+    columns = zip(*rows, strict=True) if rows else [[]] * len(_TILES)
+    return _table([list(column) for column in columns], _TILES)
+
+
+def _table(columns: Sequence[Any], schema: pa.Schema) -> pa.Table:
+    arrays = [
+        column if isinstance(column, pa.Array) else pa.array(column, field.type)
+        for column, field in zip(columns, schema, strict=True)
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema)

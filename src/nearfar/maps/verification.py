@@ -1,0 +1,141 @@
+"""Candidates -> answers: the query is localized in the map image, from the voted transforms on."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.geometry.homography import footprint, normalized, outline, transform
+from nearfar.geometry.pose import RelativePose
+from nearfar.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.landmarks import LandmarkMatches
+from nearfar.localization import Localization, PointMatches
+from nearfar.localizer import Localizer
+from nearfar.maps.sources import Tile
+from nearfar.maps.voting import Candidate
+
+SWAPPED_FROM = 1.25
+"""Where the map shows the scene so much larger than the query, the map image is the near one."""
+FULL = 0.9
+"""A tile that shows this share of what the best tile shows of a footprint will do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A tile of a map image and the candidates that lie in it.
+
+    Attributes:
+        image: id of the map image.
+        tile: the tile.
+        candidates: best first.
+    """
+
+    image: int
+    tile: Tile
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def votes(self) -> float:
+        """Of the best candidate."""
+        return self.candidates[0].votes
+
+
+def places(
+    candidates: Iterable[Candidate], tiles: dict[int, list[Tile]], size: tuple[int, int]
+) -> list[Place]:
+    """The tiles to look at, in the order of the candidates.
+
+    Args:
+        candidates: best first.
+        tiles: of the images of all candidates.
+        size: width and height of the query.
+    """
+    grouped: dict[tuple[int, Tile], list[Candidate]] = {}
+    for each in candidates:
+        if tiles[each.image]:
+            tile = best_tile(tiles[each.image], each.map_from_query, size)
+            grouped.setdefault((each.image, tile), []).append(each)
+    return [Place(image, tile, tuple(found)) for (image, tile), found in grouped.items()]
+
+
+def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, int]) -> Tile:
+    """The finest tile that shows the footprint of the query about as fully as any."""
+    corners = transform(map_from_query, outline(*size))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+
+    def shown(tile: Tile) -> float:
+        first = np.maximum(low, [tile.left, tile.top])
+        last = np.minimum(high, [tile.left + tile.width, tile.top + tile.height])
+        return float(np.prod(np.maximum(last - first, 0)))
+
+    most = max(map(shown, tiles))
+    return max((tile for tile in tiles if shown(tile) >= FULL * most), key=lambda each: each.scale)
+
+
+def localized_in(
+    localizer: Localizer,
+    place: Place,
+    tile_pixels: RGBPixels,
+    query: RGBPixels,
+    cameras: Intrinsics | None = None,
+) -> Localization:
+    """The query localized in a tile, in pixels of the tile and of the original query.
+
+    Args:
+        localizer: of pairs.
+        place: the tile and where the query may lie in it.
+        tile_pixels: of the tile.
+        query: the query at its original size.
+        cameras: of the original map image (far) and of the query (near); the model is a pose where
+            they are given, else a homography.
+    """
+    tile_from_map = np.linalg.inv(place.tile.original_from_tile)
+    expected = [tile_from_map @ each.map_from_query for each in place.candidates]
+    known = None if cameras is None else Intrinsics(in_tile(cameras.far, place.tile), cameras.near)
+    if _enlargement(localizer, expected[0], query) <= SWAPPED_FROM:
+        return localizer.localize(tile_pixels, query, intrinsics=known, expected=expected)
+    inverse = [np.linalg.inv(each) for each in expected]
+    swapped = None if known is None else Intrinsics(known.near, known.far)
+    found = localizer.localize(query, tile_pixels, intrinsics=swapped, expected=inverse)
+    return roles_swapped(found)
+
+
+def in_tile(camera: CameraIntrinsics, tile: Tile) -> CameraIntrinsics:
+    """The camera of a map image in pixels of a tile of it."""
+    matrix = np.linalg.inv(tile.original_from_tile) @ camera.matrix
+    return CameraIntrinsics(*(float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+
+
+def _enlargement(localizer: Localizer, tile_from_query: Matrix3, query: RGBPixels) -> float:
+    """How much larger the tile shows the scene than the query at its working size."""
+    scale = math.sqrt(abs(np.linalg.det(tile_from_query[:2, :2])))
+    longest, largest = max(query.shape[:2]), localizer.settings.max_size
+    return scale * (longest / largest if largest and longest > largest else 1.0)
+
+
+def roles_swapped(found: Localization) -> Localization:
+    """The localization of the far image in the near one, by a homography or a pose."""
+    inverse = None if found.far_from_near is None else _inverse(found.far_from_near)
+    corners = None
+    if isinstance(inverse, np.ndarray):
+        corners = footprint(inverse, found.far.width, found.far.height)
+    points, landmarks = found.points, found.landmarks
+    return replace(
+        found,
+        far_from_near=inverse,
+        scale_change=None if found.scale_change is None else 1 / found.scale_change,
+        footprint=corners,
+        points=PointMatches(points.near, points.far, points.inliers),
+        landmarks=LandmarkMatches(landmarks.near_boxes, landmarks.far_boxes, landmarks.similarity),
+        far=found.near,
+        near=found.far,
+    )
+
+
+def _inverse(model: Matrix3 | RelativePose) -> Matrix3 | RelativePose:
+    if isinstance(model, RelativePose):
+        rotation = model.rotation.T
+        return RelativePose(rotation, -rotation @ model.translation)
+    return normalized(np.linalg.inv(model))

@@ -1,0 +1,201 @@
+"""Votes of landmarks for where a query lies: hits -> candidates.
+
+Each hit of a query landmark in the map tells a place, a scale and a rotation of the query in a map
+image. Wrong hits tell something else each time, so agreement stands out.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.maps.landmarks import Landmarks
+from nearfar.maps.search import NONE, Hits
+
+SCALE_TOLERANCE = 1.5
+ANGLE_TOLERANCE = math.radians(46)
+PLACE_TOLERANCE = 0.25
+"""Of the query's centre, as a share of the diagonal of its footprint."""
+SEEDS = 100
+"""So many of the best votes for an image propose transforms."""
+PLACES = 3
+"""Candidates that one image gives at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Votes:
+    """Hits as votes for similarity transforms.
+
+    Attributes:
+        image: (N,) id of the map image.
+        place: (N, 2) where the centre of the query lies, in pixels of the map image.
+        scale: (N,) pixels of the map image over pixels of the query.
+        angle: (N,) of the rotation from the query to the map image, radians.
+        weight: (N,) how much the hit stands out, 0 to 1.
+        cell: (N,) number of the part of the query that votes; each counts once for a candidate.
+    """
+
+    image: NDArray[np.int64]
+    place: Coordinates
+    scale: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    cell: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+    def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> "Votes":
+        return Votes(
+            self.image[chosen],
+            self.place[chosen],
+            self.scale[chosen],
+            self.angle[chosen],
+            self.weight[chosen],
+            self.cell[chosen],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Where a query may lie.
+
+    Attributes:
+        image: id of the map image.
+        map_from_query: similarity transform, pixels of the original images.
+        votes: sum of the weights of the votes for it.
+    """
+
+    image: int
+    map_from_query: Matrix3
+    votes: float
+
+
+def votes_of(hits: Hits, landmarks: Landmarks, size: tuple[int, int]) -> Votes:
+    """The votes of all hits.
+
+    A hit weighs as much as it exceeds the last of the hits of its landmark, so that what is found
+    all over the map weighs little, shared among the parts of the query that hit the same landmark
+    of the map, so that what is like everything weighs little as well.
+
+    Args:
+        hits: of the landmarks.
+        landmarks: of the query.
+        size: width and height of the query.
+    """
+    count = hits.similarity.shape[1]
+    query = np.repeat(np.arange(len(landmarks)), count)
+    last = hits.similarity[:, -1:]
+    weight = ((hits.similarity - last) / np.maximum(1 - last, 1e-6)).ravel()
+    counts = (hits.image.ravel() != NONE) & (weight > 0)
+    query, weight = query[counts], weight[counts]
+    image, place = hits.image.ravel()[counts], hits.place.reshape(-1, 3)[counts]
+    cell = _cells(landmarks)[query]
+    weight /= _cells_that_hit(image, place, cell)
+    transforms = map_from_query(place, landmarks[query])
+    middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2, 1.0])
+    scale = place[:, 2] / landmarks.side[query]
+    return Votes(image, transforms @ middle, scale, landmarks.angle[query], weight, cell)
+
+
+def map_from_query(place: NDArray[np.floating], landmarks: Landmarks) -> NDArray[np.float64]:
+    """(N, 2, 3) similarity transforms that lay windows of a query on windows of the map.
+
+    Args:
+        place: (N, 3) x and y of the centre, and side, of windows of the map.
+        landmarks: N windows of the query.
+    """
+    scale = place[:, 2] / landmarks.side
+    cos, sin = scale * np.cos(landmarks.angle), scale * np.sin(landmarks.angle)
+    linear = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    moved = place[:, :2] - np.einsum("nij,nj->ni", linear, landmarks.centre)
+    return np.concatenate([linear, moved[:, :, np.newaxis]], axis=2)
+
+
+def candidates(votes: Votes, size: tuple[int, int]) -> list[Candidate]:
+    """What most votes agree on, best first.
+
+    Args:
+        votes: of a query.
+        size: its width and height.
+    """
+    order = np.lexsort((-votes.weight, votes.cell, votes.image))
+    votes = votes[order]
+    starts = np.flatnonzero(np.diff(votes.image, prepend=NONE))
+    parts = np.split(np.arange(len(votes)), starts[1:])
+    found = [each for part in parts if len(part) for each in _of_image(votes[part], size)]
+    return sorted(found, key=lambda each: -each.votes)
+
+
+def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Candidate]:
+    """The candidates in one image; a vote counts for the first that it agrees with.
+
+    Args:
+        votes: for the image, sorted by cell.
+        size: width and height of the query.
+    """
+    seeds = np.argsort(-votes.weight, kind="stable")[:SEEDS]
+    agreeing = _agreeing(votes, seeds, math.hypot(*size))
+    weight = votes.weight.copy()
+    cells = np.flatnonzero(np.diff(votes.cell, prepend=-1))
+    for _ in range(PLACES):
+        best_of_cells = np.maximum.reduceat(agreeing * weight, cells, axis=1)
+        total = best_of_cells.sum(axis=1)
+        best = int(total.argmax())
+        if not total[best] > 0:
+            return
+        supporters = np.flatnonzero(agreeing[best] & (weight > 0))
+        matrix = _mean_transform(votes[supporters], weight[supporters], size)
+        yield Candidate(int(votes.image[0]), matrix, float(total[best]))
+        weight[supporters] = 0
+
+
+def _agreeing(votes: Votes, seeds: NDArray[np.intp], diagonal: float) -> Mask:
+    """(S, N) which votes tell nearly the same as each seed."""
+    seed = votes[seeds]
+    apart = np.hypot(*(votes.place - seed.place[:, np.newaxis]).transpose(2, 0, 1))
+    near_by = apart < PLACE_TOLERANCE * diagonal * seed.scale[:, np.newaxis]
+    ratio = np.abs(np.log(votes.scale) - np.log(seed.scale)[:, np.newaxis])
+    turned = np.cos(votes.angle - seed.angle[:, np.newaxis])
+    agree = near_by & (ratio < math.log(SCALE_TOLERANCE)) & (turned > math.cos(ANGLE_TOLERANCE))
+    return np.asarray(agree)
+
+
+def _mean_transform(votes: Votes, weight: NDArray[np.float64], size: tuple[int, int]) -> Matrix3:
+    scale = math.exp(np.average(np.log(votes.scale), weights=weight))
+    angle = math.atan2(np.sin(votes.angle) @ weight, np.cos(votes.angle) @ weight)
+    x, y = np.average(votes.place, axis=0, weights=weight)
+    cos, sin = scale * math.cos(angle), scale * math.sin(angle)
+    across, down = (size[0] - 1) / 2, (size[1] - 1) / 2
+    return np.array(
+        [
+            [cos, -sin, x - cos * across + sin * down],
+            [sin, cos, y - sin * across - cos * down],
+            [0, 0, 1],
+        ]
+    )
+
+
+def _cells(landmarks: Landmarks) -> NDArray[np.intp]:
+    """(N,) a number for each place and size of windows; windows half a side apart differ."""
+    level = np.rint(2 * np.log2(landmarks.side))
+    place = np.floor(landmarks.centre / (landmarks.side[:, np.newaxis] / 2))
+    _, cell = np.unique(np.column_stack([level, place]), axis=0, return_inverse=True)
+    return np.asarray(cell.ravel(), np.intp)
+
+
+def _cells_that_hit(
+    image: NDArray[np.int64], place: NDArray[np.float32], cell: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """(N,) how many cells of the query hit the landmark of the map that each hit is."""
+    order = np.lexsort((cell, *place.T, image))
+    same_place = (np.diff(place[order], axis=0) == 0).all(axis=1)
+    same = same_place & (np.diff(image[order]) == 0)
+    landmark = np.concatenate([[0], np.cumsum(~same)])
+    new_cell = np.concatenate([[True], ~(same & (np.diff(cell[order]) == 0))])
+    found = np.empty(len(order), np.intp)
+    found[order] = np.bincount(landmark, weights=new_cell).astype(np.intp)[landmark]
+    return found

@@ -1,0 +1,22 @@
+from collections.abc import Callable
+
+import numpy as np
+
+from nearfar.adaptive.keypoints import detect_keypoints
+from nearfar.arrays import RGBPixels
+from nearfar.maps.keypoints import MOST, packed_keypoints, unpacked_keypoints
+from nearfar.methods.adaptive import CONTRAST
+
+
+def test_keypoints_come_back_as_they_were(photograph: Callable[[str], RGBPixels]) -> None:
+    pixels = photograph("coffee")
+    blob = packed_keypoints(pixels)
+    found, restored = detect_keypoints(pixels, CONTRAST, MOST), unpacked_keypoints(blob)
+    assert len(restored) == len(found) > 100
+    for name in ("xy", "size", "angle", "vectors"):
+        np.testing.assert_array_equal(getattr(restored, name), getattr(found, name))
+    assert len(blob) == 144 * len(found)
+
+
+def test_no_keypoints() -> None:
+    assert len(unpacked_keypoints(packed_keypoints(np.zeros((5, 5, 3), np.uint8)))) == 0

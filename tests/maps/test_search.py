@@ -1,0 +1,48 @@
+import itertools
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from nearfar.maps.landmarks import DIMENSIONS
+from nearfar.maps.search import NONE, nearest
+from nearfar.maps.store import Block
+
+
+def random_vectors(rng: np.random.Generator, count: int) -> NDArray[np.float16]:
+    vectors = rng.normal(size=(count, DIMENSIONS))
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(unit, np.float16)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    blocks=st.lists(st.integers(1, 400), max_size=4),
+    count=st.integers(1, 60),
+)
+def test_the_nearest_are_those_of_a_full_sort(seed: int, blocks: list[int], count: int) -> None:
+    rng = np.random.default_rng(seed)
+    total = sum(blocks)
+    vectors, image = random_vectors(rng, total), rng.integers(0, 5, total)
+    place = np.column_stack([np.arange(total)] * 3).astype(np.float32)
+    ends = np.cumsum([0, *blocks])
+    parts = [
+        Block(image[start:end], place[start:end], vectors[start:end])
+        for start, end in itertools.pairwise(ends)
+    ]
+    queries = random_vectors(rng, 7)
+    known = [0, 2, 3]
+    found = nearest(parts, queries, count, known)
+    cosine = queries.astype(np.float32) @ vectors.astype(np.float32).T
+    cosine[:, ~np.isin(image, known)] = -2
+    for row, similarity, owner, where in zip(
+        cosine, found.similarity, found.image, found.place, strict=True
+    ):
+        order = np.argsort(-row)[: min(count, int(np.isin(image, known).sum()))]
+        kept = len(order)
+        np.testing.assert_allclose(similarity[:kept], row[order], atol=1e-6)
+        np.testing.assert_array_equal(where[:kept, 0], order)
+        np.testing.assert_array_equal(owner[:kept], image[order])
+        assert (owner[kept:] == NONE).all()

@@ -1,0 +1,85 @@
+"""Queries posed by a COLMAP model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nearfar import MapError, open_map
+from nearfar.cli import main
+from nearfar.maps.store import MapImage
+from nearfar.maps.world.colmap import ColmapModel
+from nearfar.maps.world.places import QueryPose
+from tests.maps.conftest import write
+from tests.maps.world.conftest import Tour
+from tests.maps.world.model_files import write_model
+from tests.maps.world.room import CAMERA, SIZE, Pose
+
+pytest.importorskip("pycolmap")
+
+NEAR = Pose.of(0.5, 0.3, 2, 6, -4)
+"""Of a query that is far closer to the wall than all images of the map."""
+
+
+@pytest.fixture(scope="session")
+def model(tour: Tour, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the images of the tour."""
+    names = [f"images/{number:06d}.png" for number in range(len(tour.poses))]
+    views = dict(zip(names, zip(tour.poses, tour.pixels, strict=True), strict=True))
+    return write_model(tmp_path_factory.mktemp("colmap") / "sparse", tour.room, views)
+
+
+def map_image(number: int, name: str, size: tuple[int, int] = SIZE) -> MapImage:
+    return MapImage(number, name, "", *size, "ok", 0)
+
+
+def test_views_are_those_of_the_room(tour: Tour, model: Path) -> None:
+    views = ColmapModel(model).views("room", [map_image(7, "tour/images/000002.png")])
+    view, pose = views[7], tour.poses[2]
+    assert (view.world, view.camera) == ("room", CAMERA)
+    angle, distance = pose.errors(view.rotation, view.centre)
+    assert angle < 1e-6
+    assert distance < 1e-6
+    assert len(view.points) > 100
+    assert view.errors(view.points, view.observed).max() < 1e-3
+
+
+def test_a_close_up_is_posed(
+    tour: Tour, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    query, town = write(tmp_path / "query.png", tour.room.seen(NEAR)), tour.copied("with-model")
+    built = ["map", "build", str(tour.images), "--out", str(town), "--colmap", str(model)]
+    assert main(built) == 0
+    assert "4 images have a pose" in capsys.readouterr().out
+    camera = tmp_path / "camera.json"
+    camera.write_text(json.dumps({"query": [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy]}))
+    found = open_map(town).locate(query, intrinsics=camera)
+    assert isinstance(found.world, QueryPose)
+    assert found.world is found.pose
+    assert found.world.source == "model"
+    assert found.world.inliers > 100
+    assert found.world.world.endswith("sparse")
+    assert found.world.translation is not None
+    angle, distance = NEAR.errors(found.world.rotation, found.world.translation)
+    assert angle < 0.5
+    assert distance < 0.01 * 6  # The wall is 6 m away.
+    saved = found.to_dict()["world"]
+    np.testing.assert_array_equal(saved["world_from_query"]["rotation"], found.world.rotation)
+
+
+def test_what_does_not_fit_says_why(model: Path, tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="cannot be read"):
+        ColmapModel(tmp_path)
+    known = ColmapModel(model)
+    with pytest.raises(MapError, match="no image is in the COLMAP model"):
+        known.views("room", [map_image(1, "other/000001.png")])
+    with pytest.raises(MapError, match="800x560"):
+        known.views("room", [map_image(1, "images/000001.png", (400, 280))])
+    twice = [map_image(1, "a/images/000001.png"), map_image(2, "b/images/000001.png")]
+    with pytest.raises(MapError, match="may be"):
+        known.views("room", twice)
+    (model / "images.txt").rename(tmp_path / "images.txt")
+    with pytest.raises(MapError, match="cannot be read"):
+        ColmapModel(model)
+    (tmp_path / "images.txt").rename(model / "images.txt")

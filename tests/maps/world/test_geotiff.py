@@ -1,0 +1,133 @@
+"""Queries located in GeoTIFFs: coordinates on the Earth, and GeoJSON."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from nearfar import open_map
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.cli import main
+from nearfar.geometry.homography import translation
+from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.places import GeoPlace
+from tests.maps.test_raster import write_tiff
+
+rasterio = pytest.importorskip("rasterio")
+pytest.importorskip("lancedb")
+
+METRES = 0.5
+"""Side of a pixel of the map."""
+LEFT, TOP = 499_800.0, 4_983_200.4
+"""Easting and northing of the outer top left corner of the map, in UTM zone 33."""
+EASTING, NORTHING, LONGITUDE, LATITUDE = 500_000.0, 4_982_950.4, 15.0, 45.0
+"""A place of that zone: on its central meridian, half way to the pole along the ellipsoid."""
+SIZE = (480, 360)
+
+
+@pytest.fixture(scope="module")
+def ground(photograph: Callable[[str], RGBPixels]) -> RGBPixels:
+    """(1000, 1200, 3) seen from above."""
+    names = ("astronaut", "coffee", "chelsea", "hubble_deep_field")
+    quarters = [cv2.resize(photograph(name), (600, 500)) for name in names]
+    return np.vstack([np.hstack(quarters[:2]), np.hstack(quarters[2:])])
+
+
+@pytest.fixture(scope="module")
+def map_from_query() -> Matrix3:
+    """The query is twice as large, turned by 20 degrees, and its centre is the known place."""
+    angle = np.radians(20)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0]]) / 2
+    column, row = (EASTING - LEFT) / METRES - 0.5, (TOP - NORTHING) / METRES - 0.5
+    centre = translation(-(SIZE[0] - 1) / 2, -(SIZE[1] - 1) / 2)
+    return np.asarray(translation(column, row) @ np.vstack([turn, [0, 0, 1]]) @ centre)
+
+
+@pytest.fixture(scope="module")
+def georeferenced(ground: RGBPixels, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("geo") / "ortho.tif"
+    write_tiff(file, np.moveaxis(ground, -1, 0), tiled=True)
+    with rasterio.open(file, "r+") as dataset:
+        dataset.transform = rasterio.Affine(METRES, 0, LEFT, 0, -METRES, TOP)
+    return file
+
+
+def assert_at_the_place(found: GeoPlace | None, metres: float) -> None:
+    assert found is not None
+    assert found.crs == "EPSG:32633"
+    np.testing.assert_allclose(found.outline.centre, [EASTING, NORTHING], atol=metres)
+    degrees = metres / 70_000
+    assert found.longitude_latitude is not None
+    centre = found.longitude_latitude.centre
+    np.testing.assert_allclose(centre, [LONGITUDE, LATITUDE], atol=degrees)
+    # The diagonal of the query is 600 pixels, half as many of the map.
+    first, _, opposite, _ = found.outline.footprint
+    assert np.linalg.norm(opposite - first) == pytest.approx(300 * METRES, abs=metres)
+
+
+def test_a_known_place(georeferenced: Path, map_from_query: Matrix3) -> None:
+    assert_at_the_place(geo_place(georeferenced, map_from_query, SIZE), 0.01)
+
+
+def test_a_system_that_is_not_tied_to_the_earth(
+    ground: RGBPixels, map_from_query: Matrix3, tmp_path: Path
+) -> None:
+    crs = 'LOCAL_CS["site",UNIT["metre",1]]'
+    site = write_tiff(tmp_path / "site.tif", np.moveaxis(ground, -1, 0), crs=crs)
+    found = geo_place(site, map_from_query, SIZE)
+    assert found is not None
+    assert found.longitude_latitude is None
+    assert "site" in found.crs
+    assert found.to_dict()["longitude_latitude"] is None
+
+
+def test_no_place_where_the_horizon_is_seen_or_nothing_is_known(
+    georeferenced: Path, map_from_query: Matrix3, ground: RGBPixels, tmp_path: Path
+) -> None:
+    horizon = np.array([[1, 0, 0], [0, 1, 0], [0, -0.01, 1]])
+    assert geo_place(georeferenced, map_from_query @ horizon, SIZE) is None
+    plain = write_tiff(tmp_path / "plain.tif", np.moveaxis(ground, -1, 0), crs=None)
+    assert geo_place(plain, map_from_query, SIZE) is None
+    PillowImage.fromarray(ground).save(tmp_path / "plain.png")
+    assert geo_place(tmp_path / "plain.png", map_from_query, SIZE) is None
+
+
+def test_from_a_geotiff_to_geojson(
+    georeferenced: Path,
+    ground: RGBPixels,
+    map_from_query: Matrix3,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+    seen = cv2.warpPerspective(ground, map_from_query, SIZE, flags=flags)
+    query, town, out = tmp_path / "query.png", tmp_path / "map", tmp_path / "found.geojson"
+    PillowImage.fromarray(seen).save(query)
+    assert main(["map", "build", str(georeferenced), "--out", str(town)]) == 0
+    assert main(["map", "locate", str(town), str(query), "--geojson", str(out)]) == 0
+    assert "longitude 15.0000" in capsys.readouterr().out
+
+    found = open_map(town).locate(query)
+    assert isinstance(found.world, GeoPlace)
+    assert_at_the_place(found.world, METRES)
+    saved = found.to_dict()["world"]
+    assert set(saved) == {"crs", "footprint", "centre", "longitude_latitude"}
+    assert found.to_dict()["answers"][0]["world"] == saved
+
+    collection = json.loads(out.read_text())
+    assert collection["type"] == "FeatureCollection"
+    (feature,) = collection["features"]
+    assert feature["type"] == "Feature"
+    assert feature["properties"]["query"] == str(query)
+    assert feature["properties"]["image"].endswith("ortho.tif")
+    assert feature["geometry"]["type"] == "Polygon"
+    (ring,) = np.array(feature["geometry"]["coordinates"])
+    np.testing.assert_array_equal(ring[0], ring[-1])
+    corners = np.array(saved["longitude_latitude"]["footprint"])
+    np.testing.assert_allclose(np.unique(ring[:-1], axis=0), np.unique(corners, axis=0), atol=1e-8)
+    x, y = (ring - ring.mean(axis=0)).T
+    assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0
