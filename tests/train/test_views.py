@@ -1,5 +1,3 @@
-import math
-
 import cv2
 import numpy as np
 from hypothesis import given
@@ -10,7 +8,7 @@ from nearfar.train.views import (
     LEAST_PIXELS,
     Region,
     neighbour,
-    overlap,
+    overlaps,
     random_region,
     view_pair,
 )
@@ -81,13 +79,17 @@ def test_regions_and_their_neighbours_lie_in_the_photograph(seed: int) -> None:
 
 @given(regions, regions)
 def test_overlap_is_symmetric_and_a_share(one: Region, other: Region) -> None:
-    assert 0 <= overlap(one, other) <= 1 + 1e-9
-    assert math.isclose(overlap(one, other), overlap(other, one), abs_tol=1e-12)
-    assert math.isclose(overlap(one, one), 1)
+    shares = overlaps([one, other])
+    assert ((shares >= 0) & (shares <= 1 + 1e-9)).all()
+    np.testing.assert_allclose(shares, shares.T, atol=1e-12)
+    np.testing.assert_allclose(shares.diagonal(), 1)
 
 
 def test_overlap_of_known_boxes() -> None:
-    box = Region(0, 10, 10, 20, 20)
-    assert math.isclose(overlap(box, Region(0, 20, 10, 20, 20)), 1 / 3)
-    assert overlap(box, Region(0, 40, 10, 20, 20)) == 0
-    assert overlap(box, Region(1, 10, 10, 20, 20)) == 0
+    boxes = [
+        Region(0, 10, 10, 20, 20),
+        Region(0, 20, 10, 20, 20),
+        Region(0, 40, 10, 20, 20),
+        Region(1, 10, 10, 20, 20),
+    ]
+    np.testing.assert_allclose(overlaps(boxes)[0], [1, 1 / 3, 0, 0])

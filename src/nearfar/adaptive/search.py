@@ -20,7 +20,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.descriptors import DenseDescriptor, FeatureMap
 from nearfar.geometry.homography import transform, translation
 
-TEMPLATE_SIDE = 80
+TEMPLATE_SIDE = 96
 """The near image is reduced to this longest side, in pixels."""
 DIMENSIONS = 64
 """Principal components that are kept of the features."""

@@ -13,8 +13,10 @@ from nearfar.estimators import Estimator, Task
 from nearfar.geometry.homography import transform
 from nearfar.points import Points, match_points_by_ratio, one_match_per_cell
 
-LONGEST_SIDE = 800
+LONGEST_SIDE = 640
 """Images are reduced to this before views of them are simulated, in pixels."""
+REGION_SIDE = 400.0
+"""The same of regions, in pixels."""
 CONTRAST = 0.02
 POINTS_PER_VIEW = 800
 """Keypoints of a view of a whole image, those of the highest contrast."""
@@ -44,7 +46,7 @@ def from_region_views(
     """
     found = []
     for place in places:
-        seen = region(far, near, place.far_from_near)
+        seen = region(far, near, place.far_from_near, REGION_SIDE)
         if seen is not None:
             for view in views:
                 found += seen.from_aside(view, PER_VIEW)

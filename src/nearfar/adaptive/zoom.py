@@ -148,8 +148,17 @@ class Region:
         return [each.between(far_from_frame, view_from_near) for each in found]
 
 
-def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | None:
-    """The region that both images show under a hypothesis; None where there is none."""
+def region(
+    far: RGBPixels, near: RGBPixels, far_from_near: Matrix3, longest_side: float = LONGEST_SIDE
+) -> Region | None:
+    """The region that both images show under a hypothesis; None where there is none.
+
+    Args:
+        far: the far image.
+        near: the near image.
+        far_from_near: the hypothesis.
+        longest_side: of the frame at most, in pixels.
+    """
     height, width = near.shape[:2]
     far_height, far_width = far.shape[:2]
     grid = _grid(width, height)
@@ -169,7 +178,7 @@ def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | 
     scale = local_scale(far_from_near, middle)
     if not (np.isfinite(scale) and scale > 0):
         return None
-    enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, LONGEST_SIDE / extent.max())
+    enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, longest_side / extent.max())
     frame_from_far = scaling(enlarged, enlarged) @ translation(*(-low - 0.5))
     frame_width, frame_height = np.ceil(extent * enlarged).astype(int)
     size = int(frame_width), int(frame_height)

@@ -21,7 +21,7 @@ def taken(pixels: RGBPixels, side: int, rng: np.random.Generator) -> RGBPixels:
     image = pixels.astype(np.float32)
     image = _in_other_light(_in_other_colours(image, rng), rng)
     image = _blurred(image, rng)
-    image += rng.normal(0, rng.uniform(0, 8), image.shape).astype(np.float32)
+    image += _noise(image.shape, rng)
     seen = np.clip(image, 0, 255).astype(np.uint8)
     if rng.random() < 0.4:
         seen = _compressed(seen, int(rng.integers(20, 95)))
@@ -40,15 +40,15 @@ def _in_other_colours(image: Image, rng: np.random.Generator) -> Image:
         image = np.repeat((image @ weights)[..., np.newaxis], 3, axis=2)
     else:
         mix = np.eye(3) + rng.normal(0, 0.1, (3, 3))
-        image = image @ (mix / mix.sum(axis=0)).astype(np.float32)
-        image = np.asarray(image * np.exp(rng.normal(0, 0.12, 3)), np.float32)
+        mix = mix / mix.sum(axis=0) * np.exp(rng.normal(0, 0.12, 3))
+        image = np.asarray(cv2.transform(image, mix.T))
     return 255 - image if rng.random() < 0.03 else image
 
 
 def _in_other_light(image: Image, rng: np.random.Generator) -> Image:
     """Another exposure, contrast and gamma; light and shadow that vary over the image."""
     gamma = np.exp(rng.normal(0, 0.3))
-    bright = 255 * (np.clip(image, 0, 255) / 255) ** gamma
+    bright = 255 * cv2.pow(np.clip(image, 0, 255) / 255, gamma)
     contrast, offset = np.exp(rng.normal(0, 0.25)), rng.normal(0, 18)
     bright = (bright - 127) * contrast + 127 + offset
     if rng.random() < 0.5:
@@ -62,6 +62,12 @@ def _blurred(image: Image, rng: np.random.Generator) -> Image:
     """Out of focus by up to 1 pixel, in one direction more than in the other."""
     across, along = rng.uniform(0.01, 1.0, 2) * (rng.random() < 0.7) + 0.01
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigmaX=across, sigmaY=along))
+
+
+def _noise(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
+    """Of the sensor; by OpenCV's generator, which is ten times as fast as numpy's."""
+    cv2.setRNGSeed(int(rng.integers(2**31)))
+    return np.asarray(cv2.randn(np.empty(shape, np.float32), 0, rng.uniform(0, 8)))
 
 
 def _compressed(pixels: RGBPixels, quality: int) -> RGBPixels:

@@ -10,7 +10,7 @@ from torch.utils.data import Dataset
 from nearfar.arrays import RGBPixels
 from nearfar.train.appearance import taken
 from nearfar.train.photographs import Photograph
-from nearfar.train.views import Region, neighbour, overlap, random_region, view_pair
+from nearfar.train.views import Region, neighbour, overlaps, random_region, view_pair
 
 FALSE_NEGATIVE = 0.3
 """Overlap (intersection over union) from which two regions are not negatives of each other."""
@@ -84,12 +84,12 @@ class Batches(Dataset[Batch]):
         rng = np.random.default_rng((self._seed, step))
         regions = self._regions(shape, rng)
         pairs = [view_pair(self._photographs[r.photograph], r, shape.side, rng) for r in regions]
-        same = [[a is not b and overlap(a, b) > FALSE_NEGATIVE for b in regions] for a in regions]
+        same = torch.from_numpy(overlaps(regions) > FALSE_NEGATIVE).fill_diagonal_(False)
         return Batch(
             _images([taken(pair.near, shape.side, rng) for pair in pairs]),
             _images([taken(pair.far, shape.side, rng) for pair in pairs]),
             torch.tensor(np.stack([pair.far_from_near for pair in pairs]), dtype=torch.float32),
-            torch.tensor(same),
+            same,
         )
 
     def _regions(self, shape: BatchShape, rng: np.random.Generator) -> list[Region]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import torch
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
@@ -45,13 +46,9 @@ class Configuration:
         every: steps from one validation and checkpoint to the next.
     """
 
-    steps: int = 4500
+    steps: int = 16_000
     width: int = 32
-    shapes: tuple[BatchShape, ...] = (
-        BatchShape(64, 24, 6),
-        BatchShape(64, 24, 6),
-        BatchShape(128, 18, 2),
-    )
+    shapes: tuple[BatchShape, ...] = (BatchShape(64, 48, 8), BatchShape(128, 48, 4))
     learning_rate: float = 2e-3
     weight_decay: float = 1e-2
     cells: int = 16
@@ -115,7 +112,9 @@ def train(
         )
         start = time.perf_counter()
         with RowFile(out / LOG) as log:
-            loader = DataLoader(batches, batch_size=None, num_workers=jobs)
+            loader = DataLoader(
+                batches, batch_size=None, num_workers=jobs, worker_init_fn=_on_one_core
+            )
             for step, batch in enumerate(loader, start=first + 1):
                 trained.step(batch, step)
                 row = None
@@ -199,6 +198,10 @@ class _Training:
         self.network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
         return int(state["step"])
+
+
+def _on_one_core(_: int) -> None:
+    cv2.setNumThreads(1)
 
 
 def learning_rate(configuration: Configuration, step: int) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import outline, scaling, transform
@@ -101,18 +102,17 @@ def neighbour(region: Region, size: tuple[int, int], rng: np.random.Generator) -
     return Region(region.photograph, x, y, width, height)
 
 
-def overlap(one: Region, other: Region) -> float:
-    """Intersection over union of two boxes; 0 where they lie in different photographs."""
-    if one.photograph != other.photograph:
-        return 0.0
-    wide = min(one.x + one.width / 2, other.x + other.width / 2) - max(
-        one.x - one.width / 2, other.x - other.width / 2
-    )
-    high = min(one.y + one.height / 2, other.y + other.height / 2) - max(
-        one.y - one.height / 2, other.y - other.height / 2
-    )
-    shared = max(0.0, wide) * max(0.0, high)
-    return shared / (one.width * one.height + other.width * other.height - shared)
+def overlaps(regions: list[Region]) -> NDArray[np.float64]:
+    """(N, N) intersection over union of all boxes; 0 where they lie in different photographs."""
+    centre = np.array([[region.x, region.y] for region in regions])
+    half = np.array([[region.width, region.height] for region in regions]) / 2
+    photograph = np.array([region.photograph for region in regions])
+    last = np.minimum((centre + half)[:, np.newaxis], centre + half)
+    first = np.maximum((centre - half)[:, np.newaxis], centre - half)
+    shared = np.clip(last - first, 0, None).prod(axis=2)
+    shared *= photograph[:, np.newaxis] == photograph
+    area = 4 * half.prod(axis=1)
+    return np.asarray(shared / (area[:, np.newaxis] + area - shared))
 
 
 def view_pair(
