@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nearfar.adaptive.search import ANGLES
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.bench.cases import Case
 from nearfar.bench.regions import (
+    ANGLES,
     corners,
     mapped,
     proposed_at_scales,

@@ -26,7 +26,8 @@ DIMENSIONS = 64
 """Principal components that are kept of the features."""
 MOST_CELLS = 2000
 """Cells from which they are computed, at most twice as many."""
-ANGLES = tuple(range(0, 360, 45))
+ANGLES = tuple(22.5 * turn for turn in range(16))
+"""Rotations of the template, in degrees."""
 LARGEST, SMALLEST, STEP = 1.6, 0.1, 2 ** (1 / 3)
 """Scales of the far image's pyramid."""
 MOST_PIXELS = 3_000_000

@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.adaptive.search import ANGLES
 from nearfar.arrays import Boxes, Coordinates, Matrix3, RGBPixels
 from nearfar.bench.cases import Case
 from nearfar.bench.overlap import bounding_edges, box_area
@@ -16,6 +15,8 @@ from nearfar.proposals import Proposer, canonical
 
 LEVELS = (1.0, 0.5, 0.25)
 """Scales of the pyramid in which regions are proposed."""
+ANGLES = tuple(range(0, 360, 45))
+"""Rotations in which a region of the near image is described, in degrees."""
 SHARE_INSIDE = 0.95
 """A region counts as visible where so much of its true box lies inside the far image."""
 SMALLEST_SIDE = 16
