@@ -18,7 +18,7 @@ class Curve:
 
 
 CURVES = {
-    "homography": Curve(-2.85, 3.33),
+    "homography": Curve(-2.77, 3.42),
     "fundamental": Curve(-1.28, 2.40),
     "pose": Curve(-1.28, 2.40),
 }
