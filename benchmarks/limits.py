@@ -63,7 +63,7 @@ class Row:
     amount: float
     status: str
     error: float | None
-    confidence: float
+    confidence: float | None
     step: str | None
 
     @property
@@ -147,7 +147,7 @@ def main() -> None:
 def _located(localizer: Localizer, case: Case, harder: Harder, change: str, amount: float) -> Row:
     found = localizer.localize(harder.far, harder.near, model="homography")
     error = None
-    if found.far_from_near is not None:
+    if isinstance(found.far_from_near, np.ndarray):
         near = transform(harder.near_from_original, np.array(case.near_points))
         far = transform(
             np.linalg.inv(harder.far_from_original), transform(found.far_from_near, near)

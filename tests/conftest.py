@@ -12,6 +12,7 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.geometry.homography import transform
+from tests.object_storage import bucket, running_server, server  # noqa: F401
 
 
 @dataclass(frozen=True, eq=False)

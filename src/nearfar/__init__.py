@@ -1,6 +1,7 @@
 """nearfar: find where a close-up lies in an overview photograph, across large changes of scale."""
 
 from nearfar.errors import (
+    ExportError,
     ImageError,
     IntrinsicsError,
     MapError,
@@ -8,6 +9,7 @@ from nearfar.errors import (
     SettingsError,
     WeightsError,
 )
+from nearfar.exports import export
 from nearfar.geometry.pose import RelativePose
 from nearfar.image import Image, read_image
 from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
@@ -23,6 +25,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "CameraIntrinsics",
+    "ExportError",
     "GeoPlace",
     "Image",
     "ImageError",
@@ -41,6 +44,7 @@ __all__ = [
     "Settings",
     "SettingsError",
     "WeightsError",
+    "export",
     "localize",
     "open_map",
     "read_image",

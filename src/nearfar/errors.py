@@ -42,3 +42,11 @@ class ExternalMethodError(NearfarError):
 
 class MissingExtraError(NearfarError):
     """A package of an optional extra is not installed."""
+
+
+class StorageError(NearfarError):
+    """Object storage does not answer, refuses, or cannot do what is needed."""
+
+
+class ExportError(NearfarError):
+    """A format has no place for a localization, e.g. a list of poses for a homography."""

@@ -21,7 +21,7 @@ from nearfar.localization import Localization, PointMatches
 from nearfar.methods import Answer, Method
 from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
+from nearfar.timing import StageTimer, Watcher
 
 if TYPE_CHECKING:
     from nearfar.bench.feature_store import FeatureStore
@@ -71,6 +71,7 @@ class Localizer:
         model: ModelKind | None = None,
         intrinsics: IntrinsicsSource | None = None,
         expected: Sequence[Matrix3] = (),
+        watcher: Watcher | None = None,
     ) -> Localization:
         """Find where the near image lies in the far image.
 
@@ -81,6 +82,8 @@ class Localizer:
             intrinsics: intrinsics of both cameras in pixels of the original images.
             expected: approximate `far_from_near`, homographies between the original images, that
                 are tried before any other guess; only the method `adaptive` uses them.
+            watcher: is told of each stage as it begins and, by the method `adaptive`, of each
+                attempt.
 
         Returns:
             The localization; its status is "failed" where none was found.
@@ -92,7 +95,7 @@ class Localizer:
         """
         known = None if intrinsics is None else read_intrinsics(intrinsics)
         kind = _model_kind(model, known)
-        timer = StageTimer()
+        timer = StageTimer(watcher)
         with timer.stage("reading"):
             far_image, near_image = self._read(far), self._read(near)
         answer = self._method.localize(

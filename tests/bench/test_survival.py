@@ -80,18 +80,6 @@ def test_two_processes_find_what_one_finds(folder: Path, tmp_path: Path) -> None
     assert all("points" not in row.get("seconds", {}) for row in again)
 
 
-def test_a_cluster_finds_what_one_process_finds(folder: Path, tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    cases = find_pairs(folder)
-    alone = run(cases, [SIFT], tmp_path / "alone.jsonl")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        workers = Workers(scheduler=cluster.scheduler_address)
-        spread = run(cases, [SIFT], tmp_path / "spread.jsonl", workers=workers)
-    assert comparable(spread) == comparable(alone)
-
-
 def test_a_full_disk_keeps_what_was_written(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

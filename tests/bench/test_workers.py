@@ -63,14 +63,3 @@ def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(workers, "CONNECTION_SECONDS", 1)
     with pytest.raises(BenchmarkError, match="127.0.0.1:9"):
         list(Workers(scheduler="tcp://127.0.0.1:9").run(square, range(3), gave_up))
-
-
-def test_a_cluster_gives_the_same_and_survives_a_killed_worker(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        spread = Workers(scheduler=cluster.scheduler_address)
-        assert sorted(spread.run(square, range(20), gave_up)) == [n**2 for n in range(20)]
-        tasks = [(number, tmp_path) for number in range(20)]
-        assert sorted(spread.run(die_once, tasks, no_result)) == list(range(20))

@@ -84,7 +84,7 @@ def test_info(town: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "photos/coins.png: 384x303, " in said
     assert main(["map", "info", str(town), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
-    assert (content["format"], content["descriptor"], content["max_size"]) == (1, "nearfar", 0)
+    assert (content["format"], content["descriptor"], content["max_size"]) == (2, "nearfar", 0)
     assert len(content["images"]) == 8
 
 

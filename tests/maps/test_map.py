@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,14 +19,15 @@ from nearfar.geometry.homography import transform
 from nearfar.maps import manifest, store
 from nearfar.maps.map import Map
 from nearfar.maps.store import MapStore
+from nearfar.storage import Location
 from tests.conftest import KnownPair
 from tests.maps.conftest import NAMES, write
 
 Pictures = Callable[[str], RGBPixels]
 
 
-def content(folder: Path) -> dict[str, tuple[object, ...]]:
-    """All that a map says of each image, in an order of its own."""
+def content(folder: Location) -> dict[str, tuple[object, ...]]:
+    """All that a map says of each image but when its file changed, in an order of its own."""
     tables = MapStore(folder)
     vectors: dict[int, list[bytes]] = {}
     for block in tables.blocks():
@@ -33,7 +35,7 @@ def content(folder: Path) -> dict[str, tuple[object, ...]]:
             vectors.setdefault(int(image), []).append(place.tobytes() + vector.tobytes())
     return {
         image.name: (
-            image,
+            replace(image, size=-1, modified=-1),
             [(tile, tables.keypoints(image.id, tile)) for tile in tables.tiles(image.id)],
             sorted(vectors.get(image.id, [])),
         )
@@ -269,7 +271,7 @@ def test_a_second_writer_is_refused_and_readers_are_not(
 ) -> None:
     town = open_map(photos.parent / "map", create=True)
     town.add([photos / "astronaut.png"])
-    with FileLock(town.folder / "writer.lock"):
+    with FileLock(photos.parent / "map" / "writer.lock"):
         for change in (
             lambda: town.add([photos]),
             lambda: town.remove(["photos/astronaut.png"]),
@@ -305,8 +307,11 @@ def test_a_map_made_otherwise_is_refused(
         open_map(town, create=True, max_size=900)
     with pytest.raises(SettingsError, match="adaptive"):
         open_map(town, method="sift")
-    monkeypatch.setattr(manifest, "FORMAT", 2)
-    with pytest.raises(MapError, match="format 1"):
+    monkeypatch.setattr(manifest, "FORMAT", 3)
+    with pytest.raises(MapError, match="format 2.*nearfar map upgrade"):
+        open_map(town)
+    monkeypatch.setattr(manifest, "FORMAT", 1)
+    with pytest.raises(MapError, match="format 2.*reads and writes 1"):
         open_map(town)
 
 

@@ -1,13 +1,19 @@
 import itertools
+import shutil
+from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nearfar.maps.landmarks import DIMENSIONS
-from nearfar.maps.search import NONE, nearest
-from nearfar.maps.store import Block
+from nearfar.maps import store
+from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
+from nearfar.maps.search import NONE, nearest, nearest_by_index
+from nearfar.maps.store import Block, MapStore
+from nearfar.settings import Settings
+from tests.conftest import KnownPair
 
 
 def random_vectors(rng: np.random.Generator, count: int) -> NDArray[np.float16]:
@@ -46,3 +52,21 @@ def test_the_nearest_are_those_of_a_full_sort(seed: int, blocks: list[int], coun
         np.testing.assert_array_equal(where[:kept, 0], order)
         np.testing.assert_array_equal(owner[:kept], image[order])
         assert (owner[kept:] == NONE).all()
+
+
+def test_an_index_finds_nearly_all(
+    small_town: Path, small_close_up: KnownPair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "INDEX_FROM", 1000)
+    shutil.copytree(small_town, tmp_path / "map")
+    town = MapStore(tmp_path / "map")
+    with town.writing():
+        assert town.compact()
+    known = [image.id for image in town.images()][1:]
+    vectors = LandmarkDescriber(Settings()).of_query(small_close_up.near).vectors
+    exact = nearest(town.blocks(), vectors, 10, known)
+    found = nearest_by_index(town, vectors, 10, known)
+    assert found.image.shape == exact.image.shape
+    assert set(found.image.ravel()) <= {NONE, *known}
+    assert (np.diff(found.similarity, axis=1) <= 0).all()
+    assert (found.similarity >= exact.similarity[:, -1:] - 1e-5).mean() > 0.9

@@ -107,7 +107,7 @@ def test_few_points_and_no_votes_are_found_by_landmarks(photograph: Photograph) 
 
 def test_a_strong_tilt_needs_views(photograph: Photograph) -> None:
     near, scene = reduced(photograph("astronaut"), 3), reduced(photograph("coffee"), 3)
-    pair = set_tilted(near, scene, factor=1.2, tilt=4)
+    pair = set_tilted(near, scene, factor=1.2, tilt=5)
     less = localize(pair.far, pair.near, max_effort="zoom")
     assert not less.localized
     assert "views" not in less.seconds

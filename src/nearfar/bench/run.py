@@ -1,29 +1,29 @@
 """Running methods over cases, in parallel, so that nothing already computed is lost."""
 
 import functools
-import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
+from nearfar import logs
 from nearfar.bench.case_row import identity, localized_row
 from nearfar.bench.cases import Case
 from nearfar.bench.evaluate import failure_columns
 from nearfar.bench.feature_store import FeatureStore
-from nearfar.bench.rows import Row, RowFile, read_rows, record_run, settings_key
+from nearfar.bench.rows import (
+    Row,
+    read_rows,
+    record_metrics,
+    record_run,
+    row_file,
+    settings_key,
+)
 from nearfar.bench.workers import Workers
 from nearfar.localizer import Localizer
+from nearfar.metrics import Meter
+from nearfar.progress import shown_progress
 from nearfar.settings import Settings
+from nearfar.storage import Location
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Task:
 def run(
     cases: Sequence[Case],
     settings: Sequence[Settings],
-    file: Path,
+    file: Location,
     *,
     workers: Workers | None = None,
     features: Path | None = None,
@@ -62,7 +62,7 @@ def run(
         cases: the cases.
         settings: one for each method to compare.
         file: JSON Lines, one line a case and setting; made where missing. `run.json` beside it
-            tells the settings and the environment.
+            tells the settings, the environment, and what each run took.
         workers: where the work is done; None: this process.
         features: folder in which features of images are kept between processes and runs.
 
@@ -71,20 +71,28 @@ def run(
 
     Raises:
         OSError: a result cannot be written; those before it are kept.
+        StorageError: the same in object storage.
     """
+    meter = Meter()
     rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
     wanted = []
     for each in settings:
         key, descriptor = settings_key(each), Localizer(each).descriptor
         wanted += [Task(case, each, key, descriptor, features) for case in cases]
     todo = [task for task in wanted if (task.case.name, task.key) not in rows]
-    with RowFile(file) as out:
+    meter.skipped = len(wanted) - len(todo)
+    logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
+    with row_file(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, settings)
-        for row in _with_progress(
-            (workers or Workers()).run(localize_case, todo, _died), len(todo)
-        ):
+        for row in (workers or Workers()).run(localize_case, todo, _died, meter):
             out.append(row)
             rows[row["case"], row["settings"]] = row
+            meter.failed += row["status"] == "error"
+            show(meter.done, len(todo))
+    metrics = meter.metrics()
+    if todo:
+        record_metrics(file.parent, file.name, metrics)
+    logs.event("run finished", results=str(file), **metrics.to_dict())
     return [rows[task.case.name, task.key] for task in wanted]
 
 
@@ -104,20 +112,3 @@ def _died(task: Task) -> Row:
 def _localizer(settings: Settings, features: Path | None) -> Localizer:
     """The localizer of this process."""
     return Localizer(settings, store=None if features is None else FeatureStore(features))
-
-
-def _with_progress(rows: Iterable[Row], total: int) -> Iterator[Row]:
-    """The rows, with a bar on a terminal that shows rate and time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("pairs", total=total)
-        for row in rows:
-            yield row
-            progress.update(bar, advance=1, description=row["method"])

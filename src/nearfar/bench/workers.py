@@ -1,25 +1,56 @@
-"""Where the work of a benchmark is done: this process, local processes, or a Dask cluster."""
+"""Where work is done: this process, local processes, or a Dask cluster.
 
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, suppress
+Tasks are handed out one at a time and their results go straight back to this process, so that a
+worker that dies loses its task alone. Joblib's own `Parallel` gives up all tasks in work then.
+"""
+
+import importlib.metadata
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import cv2
 
+from nearfar import logs
 from nearfar.errors import BenchmarkError
 from nearfar.extras import require
+from nearfar.metrics import Meter, Work, this_worker
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 ATTEMPTS_ALONE = 2
-"""A task whose worker died is tried so often again, alone, before it is given up."""
-HANDED_OUT_PER_JOB = 2
+"""A task whose local process died is begun so often again, alone, before it is given up."""
+ATTEMPTS_ALONE_ON_CLUSTER = 1
+"""The same on a cluster, where Dask itself begins a task anew until four workers have died."""
+HANDED_OUT_PER_SLOT = 2
 """Tasks that are with the workers at a time: one in work, one waiting."""
+AHEAD_PER_SLOT = 32
+"""Results that may wait for one that comes before them."""
 CONNECTION_SECONDS = 20
 """How long a scheduler may take to answer."""
+WORKER_SECONDS = 120
+"""How long it may be without workers when tasks are to be handed out, also after a death."""
+DEAD_AFTER = "5s"
+"""How long a worker that does not answer is asked for a result."""
+COUNTED_EVERY = 5.0
+"""Seconds between two looks at how many workers there are; they may come and go."""
+THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Of a local process."""
+PACKAGES = (
+    "nearfar",
+    "numpy",
+    "opencv-contrib-python-headless",
+    "onnxruntime",
+    "pillow",
+    "poselib",
+)
+"""That must be the same everywhere, since they can change a result."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +66,11 @@ class Workers:
     scheduler: str | None = None
 
     def run(
-        self, function: Callable[[T], R], tasks: Sequence[T], died: Callable[[T], R]
+        self,
+        function: Callable[[T], R],
+        tasks: Sequence[T],
+        died: Callable[[T], R],
+        meter: Meter | None = None,
     ) -> Iterator[R]:
         """Results as they come, in any order.
 
@@ -43,92 +78,263 @@ class Workers:
             function: what is done with each task; a function of a module.
             tasks: the tasks.
             died: the result of a task that kills every worker that takes it.
+            meter: counts what is done.
 
         Raises:
+            BenchmarkError: the scheduler is not there, or its workers have other versions.
             MissingExtraError: joblib or Dask is not installed.
         """
-        if self.jobs == 1 and self.scheduler is None:
-            yield from map(function, tasks)
-            return
-        waiting = dict(enumerate(tasks))
-        while waiting:
-            taken: list[int] = []
-            try:
-                for index, result in self._parallel(function, waiting, taken):
-                    del waiting[index]
-                    yield result
-            except worker_deaths():
-                for index in [index for index in taken if index in waiting]:
-                    yield self._alone(function, waiting.pop(index), died)
+        numbered = dict(enumerate(tasks))
+        for _, result in self._results(function, numbered, died, meter or Meter(), None):
+            yield result
 
-    def _alone(self, function: Callable[[T], R], task: T, died: Callable[[T], R]) -> R:
+    def run_in_order(
+        self,
+        function: Callable[[T], R],
+        tasks: Sequence[T],
+        died: Callable[[T], R],
+        meter: Meter | None = None,
+    ) -> Iterator[R]:
+        """The same in the order of the tasks, of which one that takes long may hold up others."""
+        numbered, ready, order = dict(enumerate(tasks)), dict[int, R](), _Order()
+        for index, result in self._results(function, numbered, died, meter or Meter(), order):
+            ready[index] = result
+            while order.first in ready:
+                yield ready.pop(order.first)
+                order.first += 1
+
+    def _results(
+        self,
+        function: Callable[[T], R],
+        tasks: dict[int, T],
+        died: Callable[[T], R],
+        meter: Meter,
+        order: "_Order | None",
+    ) -> Iterator[tuple[int, R]]:
+        """Index and result of each task; where order matters none runs too far ahead."""
+        if self.jobs == 1 and self.scheduler is None:
+            for index, task in tasks.items():
+                result, work = _done_alone(function, task)
+                meter.finished(work)
+                yield index, result
+            return
+        waiting = dict(tasks)
+        while waiting:
+            suspects: list[int] = []
+            with self._pool() as pool:
+                hands = _Hands(pool, function, waiting, meter, order)
+                for index, result in hands.results(suspects):
+                    del waiting[index]
+                    yield index, result
+            for index in suspects:
+                yield index, self._alone(function, waiting.pop(index), died, meter)
+
+    def _alone(
+        self, function: Callable[[T], R], task: T, died: Callable[[T], R], meter: Meter
+    ) -> R:
         """The result of a task that was in work when a worker died."""
-        for _ in range(ATTEMPTS_ALONE):
-            with suppress(*worker_deaths()):
-                return next(result for _, result in self._parallel(function, {0: task}, []))
+        attempts = ATTEMPTS_ALONE if self.scheduler is None else ATTEMPTS_ALONE_ON_CLUSTER
+        for _ in range(attempts):
+            meter.retried += 1
+            with self._pool() as pool:
+                hands = _Hands(pool, function, {0: task}, meter, None)
+                for _, result in hands.results([]):
+                    found: R = result
+                    return found
+        meter.done += 1
         return died(task)
 
-    def _parallel(
-        self, function: Callable[[T], R], tasks: Mapping[int, T], taken: list[int]
-    ) -> Iterator[tuple[int, R]]:
-        """Index and result of each task as it is done; `taken` grows by what is handed out."""
-        parallel, delayed, backend = self._joblib()
+    @contextmanager
+    def _pool(self) -> Iterator["_Pool"]:
+        """The processes that take tasks."""
+        if self.scheduler is None:
+            require("bench", "joblib")
+            from joblib.externals.loky import get_reusable_executor
 
-        def handed_out() -> Iterator[Any]:
-            for index, task in list(tasks.items()):
-                taken.append(index)
-                yield delayed(_with_one_thread)(function, index, task)
+            # A single process would be this one.
+            slots = max(2, self.jobs)
+            yield _Pool(get_reusable_executor(slots, env=THREADS), lambda: slots)
+            return
+        require("cluster", "distributed")
+        with _client(self.scheduler) as client:
+            yield _Pool(client.get_executor(pure=False), _Threads(client))
 
-        with backend:
-            yield from parallel(handed_out())
 
-    def _joblib(self) -> tuple[Any, Any, AbstractContextManager[Any]]:
-        """Joblib's `Parallel` and `delayed`, and the context in which they reach the workers."""
-        require("bench", "joblib", *(() if self.scheduler is None else ("distributed",)))
-        from joblib import Parallel, delayed, parallel_config
+@dataclass(frozen=True)
+class _Pool:
+    """Processes that take tasks.
 
-        # A single local job would run in this process.
-        jobs = max(2, self.jobs) if self.scheduler is None else -1
-        with ExitStack() as context:
-            # Joblib replaces workers whose memory grows, and warns each time.
-            context.enter_context(warnings.catch_warnings())
-            warnings.filterwarnings("ignore", "A worker stopped while some jobs were given")
-            if self.scheduler is None:
-                context.enter_context(parallel_config(backend="loky", inner_max_num_threads=1))
-            else:
-                context.enter_context(self._client(self.scheduler))
-                context.enter_context(parallel_config(backend="dask"))
-            parallel = Parallel(
-                n_jobs=jobs,
-                return_as="generator_unordered",
-                batch_size=1,
-                pre_dispatch=HANDED_OUT_PER_JOB * abs(jobs),
-            )
-            return parallel, delayed, context.pop_all()
+    Attributes:
+        executor: hands them out.
+        slots: tasks that are in work at a time.
+    """
 
-    @staticmethod
-    def _client(address: str) -> AbstractContextManager[Any]:
-        from distributed import Client
+    executor: Executor
+    slots: Callable[[], int]
 
+
+class _Threads:
+    """How many threads a cluster has by now."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._count, self._next = 1, 0.0
+
+    def __call__(self) -> int:
+        if time.monotonic() >= self._next:
+            self._count = max(1, sum(self._client.nthreads().values()))
+            self._next = time.monotonic() + COUNTED_EVERY
+        return self._count
+
+
+@dataclass
+class _Order:
+    """Index of the first task whose result is not there."""
+
+    first: int = 0
+
+
+class _Hands:
+    """Hands out tasks and takes results.
+
+    Args:
+        pool: the processes.
+        function: what is done with each task.
+        tasks: by index; they may be removed while this goes on.
+        meter: counts what is done.
+        order: where the tasks must not run too far ahead; None where order does not matter.
+    """
+
+    def __init__(
+        self,
+        pool: _Pool,
+        function: Callable[[T], R],
+        tasks: dict[int, T],
+        meter: Meter,
+        order: "_Order | None",
+    ) -> None:
+        self._pool, self._function, self._meter = pool, function, meter
+        self._tasks = tasks
+        self._next = deque(tasks)
+        self._order = order
+        self._out: dict[Future[Any], int] = {}
+
+    def results(self, suspects: list[int]) -> Iterator[tuple[int, Any]]:
+        """Index and result of each task as it is done.
+
+        Once a worker has died no more tasks are handed out: `suspects` gets those that it may have
+        died of, so that they can be done alone.
+        """
         try:
-            client: AbstractContextManager[Any] = Client(address, timeout=CONNECTION_SECONDS)
-            return client
-        except OSError as error:
-            raise BenchmarkError(f"the scheduler {address} cannot be reached: {error}") from error
+            while self._hand_out():
+                for future in wait(self._out, return_when=FIRST_COMPLETED).done:
+                    index = self._out.pop(future)
+                    try:
+                        result, work = future.result()
+                    except _deaths():
+                        logs.event("worker died", logging.WARNING, task=index)
+                        suspects.append(index)
+                        self._next.clear()
+                        continue
+                    self._meter.finished(work)
+                    yield index, result
+        except _lost() as error:
+            raise BenchmarkError(
+                f"the scheduler is gone ({type(error).__name__}): what is done is kept, start it "
+                f"and run the command again"
+            ) from None
+        finally:
+            for future in self._out:
+                future.cancel()
+            self._out.clear()
+
+    def _hand_out(self) -> bool:
+        """Keep the workers busy; whether anything is in work."""
+        most = HANDED_OUT_PER_SLOT * self._pool.slots()
+        while self._next and len(self._out) < most and not self._too_far():
+            index = self._next.popleft()
+            try:
+                future = self._pool.executor.submit(_done, self._function, self._tasks[index])
+            except _deaths():  # Those that are out will say so too.
+                self._next.clear()
+                break
+            self._out[future] = index
+        return bool(self._out)
+
+    def _too_far(self) -> bool:
+        if self._order is None or not self._out:
+            return False
+        return self._next[0] - self._order.first > AHEAD_PER_SLOT * self._pool.slots()
 
 
-def worker_deaths() -> tuple[type[Exception], ...]:
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    import dask
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=CONNECTION_SECONDS, direct_to_workers=True)
+    except (OSError, ValueError) as error:
+        raise BenchmarkError(f"the scheduler {address} cannot be reached: {error}") from error
+    with client, dask.config.set({"distributed.comm.timeouts.connect": DEAD_AFTER}):
+        try:
+            client.wait_for_workers(1, timeout=WORKER_SECONDS)
+        except TimeoutError:
+            raise BenchmarkError(
+                f"the scheduler {address} has no workers: start some with `dask worker {address} "
+                f"--nthreads 1`"
+            ) from None
+        _check_versions(client)
+        yield client
+
+
+def _check_versions(client: Any) -> None:
+    """Refuse workers that might find something else."""
+    own = versions()
+    for worker, found in client.run(versions).items():
+        for package, version in own.items():
+            if found[package] != version:
+                raise BenchmarkError(
+                    f"the worker {worker} has {package} {found[package]}, here it is {version}: "
+                    f"install the same everywhere"
+                )
+
+
+def versions() -> dict[str, str]:
+    """The versions of `PACKAGES` in this process."""
+    return {name: importlib.metadata.version(name) for name in PACKAGES}
+
+
+def _deaths() -> tuple[type[Exception], ...]:
     """The exceptions that say that a worker died."""
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
+    from concurrent.futures.process import BrokenProcessPool
 
     try:
         from distributed import KilledWorker
     except ImportError:
-        return (TerminatedWorkerError,)
-    return (TerminatedWorkerError, KilledWorker)
+        return (BrokenProcessPool,)
+    return (BrokenProcessPool, KilledWorker)
 
 
-def _with_one_thread(function: Callable[[T], R], index: int, task: T) -> tuple[int, R]:
-    """Run a task in a worker that leaves the other cores to other workers."""
+def _lost() -> tuple[type[BaseException], ...]:
+    """The exceptions that say that the scheduler is gone."""
+    from concurrent.futures import CancelledError
+
+    try:
+        from distributed.client import ClosedClientError, FutureCancelledError
+        from distributed.comm import CommClosedError
+    except ImportError:
+        return (CancelledError,)
+    return (CancelledError, CommClosedError, ClosedClientError, FutureCancelledError)
+
+
+def _done(function: Callable[[T], R], task: T) -> tuple[R, Work]:
+    """Do a task in a worker that leaves the other cores to other workers."""
     cv2.setNumThreads(1)
-    return index, function(task)
+    return _done_alone(function, task)
+
+
+def _done_alone(function: Callable[[T], R], task: T) -> tuple[R, Work]:
+    begun = time.process_time()
+    result = function(task)
+    return result, Work(this_worker(), time.process_time() - begun)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from nearfar import __version__
+from nearfar.cli.about_command import about_command
+from nearfar.cli.app_command import app_command
 from nearfar.cli.bench import bench_app
 from nearfar.cli.demo_command import demo_command
 from nearfar.cli.list_command import list_command
@@ -24,10 +26,12 @@ app = App(
 )
 app.command(localize_command, name="localize")
 app.command(list_command, name="list")
+app.command(about_command, name="about")
 app.command(demo_command, name="demo")
 app.command(map_app, name="map")
 app.command(bench_app, name="bench")
 app.command(report_command, name="report")
+app.command(app_command, name="app")
 app.command(train_app, name="train")
 app.command(weights_app, name="weights")
 app.register_install_completion_command()

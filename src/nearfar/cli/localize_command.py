@@ -8,7 +8,10 @@ from cyclopts import Parameter
 
 from nearfar.cli.options import Flag, SettingsOptions, WeightOptions, with_weights
 from nearfar.cli.status import FAILED
+from nearfar.errors import ExportError, SettingsError
 from nearfar.estimators import MODEL_NAMES, ModelKind
+from nearfar.exports import Exporter, Subject, exporter
+from nearfar.intrinsics import read_intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.settings import Settings
@@ -23,6 +26,9 @@ def localize_command(
     intrinsics: Path | None = None,
     as_json: Annotated[Flag, Parameter(name="--json")] = False,
     save: Path | None = None,
+    export: Annotated[
+        tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
+    ] = (),
     weights: WeightOptions = (),
     settings: SettingsOptions = Settings(),  # noqa: B008
 ) -> int:
@@ -38,13 +44,36 @@ def localize_command(
             original images, or KITTI's calib.txt.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures.
+        export: Write a file for another tool into the folder of --save: colmap, csv, geojson, hloc,
+            kitti, opencv-yaml, png, svg or tum; may be repeated.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
+    exporters = [exporter(name) for name in dict.fromkeys(export)]
+    if exporters and save is None:
+        raise SettingsError("--export needs a folder to write to: --save DIR")
     localizer = Localizer(with_weights(settings, weights))
     found = localizer.localize(far, near, model=model, intrinsics=intrinsics)
-    saved = found.save(save) if save else []
+    saved = []
+    if save is not None:
+        saved = [*found.save(save), *_export(found, exporters, save, intrinsics)]
     sys.stdout.write((found.to_json() if as_json else _text(found, saved)) + "\n")
     return 0 if found.localized else FAILED
+
+
+def _export(
+    found: Localization, exporters: list[Exporter], folder: Path, intrinsics: Path | None
+) -> list[Path]:
+    """Write what the exporters can, where nothing was found, and else everything."""
+    known = None if intrinsics is None else read_intrinsics(intrinsics)
+    written = []
+    for each in exporters:
+        try:
+            written += each.write(Subject(found, known), folder / each.file_name)
+        except ExportError as error:
+            if found.localized:
+                raise
+            sys.stderr.write(f"nearfar: not exported as {each.name}: {error}\n")
+    return written
 
 
 def _text(found: Localization, saved: list[Path]) -> str:

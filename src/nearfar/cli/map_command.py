@@ -3,49 +3,56 @@
 import itertools
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import uuid
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from nearfar.cli.options import Flag, WeightOptions, with_weights
+from nearfar import logs
+from nearfar.cli.map_queries import Query, died, locate_query
+from nearfar.cli.options import (
+    DEFAULT_WORK,
+    Flag,
+    Place,
+    WeightOptions,
+    WorkOptions,
+    with_weights,
+)
 from nearfar.cli.status import BAD_INPUT, FAILED
 from nearfar.cli.world_options import NO_WORLD, WorldOptions
-from nearfar.errors import ImageError
+from nearfar.errors import SettingsError
+from nearfar.extras import require
 from nearfar.intrinsics import read_camera
-from nearfar.maps import DEFAULTS, open_map
-from nearfar.maps.answers import MapLocalization
-from nearfar.maps.world.geojson import feature_collection
-from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.maps import DEFAULTS, PACKAGES, open_map
+from nearfar.metrics import Meter
+from nearfar.progress import shown_progress
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from nearfar.cli.world_options import Attach
     from nearfar.maps.build import Added
     from nearfar.maps.map import Map
+    from nearfar.storage import Location
 
 map_app = App(name="map", help="Keep a map of many images, and locate others in it.")
 
-MapFolder = Annotated[Path, Parameter(name="MAP")]
-LONGEST_CRS = 20
-"""Characters; the name of a system that has no code is pages of WKT."""
+MapFolder = Annotated[Place, Parameter(name="MAP")]
 AsJson = Annotated[Flag, Parameter(name="--json")]
 
 
 @map_app.command(name="build")
 def build_command(
-    images: list[Path],
+    images: list[Place],
     /,
     *,
-    out: Path,
+    out: Place,
     max_size: int | None = None,
     max_pixels: int = DEFAULTS.max_pixels,
-    jobs: int = 1,
     weights: WeightOptions = (),
+    work: WorkOptions = DEFAULT_WORK,
     world: WorldOptions = NO_WORLD,
 ) -> None:
     """Make a map of IMAGES, or complete one.
@@ -54,48 +61,42 @@ def build_command(
     replaced. A build that was stopped goes on where it was.
 
     Args:
-        images: Images, and folders, of which all images are added.
-        out: Folder of the map.
+        images: Images, and folders, of which all images are added; or their URLs.
+        out: Folder of the map, or its URL (s3://BUCKET/PATH).
         max_size: Reduce images so that neither side exceeds this; by default they are not reduced.
         max_pixels: Skip larger images, which may be decompression bombs.
-        jobs: Processes that describe images.
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
     attachments = world.read()
     opened = open_map(out, create=True, max_size=max_size, settings=settings)
-    with _progress() as show:
-        added = opened.add(images, jobs=jobs, progress=show)
-    _tell(added)
+    _add(opened, images, work)
     _attach(attachments, opened, images)
 
 
 @map_app.command(name="add")
 def add_command(
     folder: MapFolder,
-    images: list[Path],
+    images: list[Place],
     /,
     *,
     max_pixels: int = DEFAULTS.max_pixels,
-    jobs: int = 1,
     weights: WeightOptions = (),
+    work: WorkOptions = DEFAULT_WORK,
     world: WorldOptions = NO_WORLD,
 ) -> None:
     """Add IMAGES to a map that exists.
 
     Args:
         folder: Folder of the map.
-        images: Images, and folders, of which all images are added.
+        images: Images, and folders, of which all images are added; or their URLs.
         max_pixels: Skip larger images, which may be decompression bombs.
-        jobs: Processes that describe images.
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
     attachments = world.read()
     opened = open_map(folder, settings=settings)
-    with _progress() as show:
-        added = opened.add(images, jobs=jobs, progress=show)
-    _tell(added)
+    _add(opened, images, work)
     _attach(attachments, opened, images)
 
 
@@ -119,34 +120,69 @@ def info_command(folder: MapFolder, /, *, as_json: AsJson = False) -> None:
         as_json: Print one JSON object instead of text.
     """
     opened = open_map(folder)
-    images, made = opened.images, asdict(opened.manifest)
+    images, made, posed = opened.images, asdict(opened.manifest), opened.posed
     if as_json:
-        _say(json.dumps({"map": str(folder), **made, "images": [asdict(each) for each in images]}))
+        rows = [{**asdict(each), "pose": each.id in posed} for each in images]
+        _say(json.dumps({"map": str(folder), **made, "images": rows}))
         return
     landmarks = sum(image.landmarks for image in images)
-    _say(f"{len(images)} images, {landmarks} landmarks")
+    known = sum(image.id in posed for image in images)
+    _say(f"{len(images)} images, {landmarks} landmarks, {known} poses")
     _say(", ".join(f"{name.replace('_', ' ')} {value}" for name, value in made.items()))
     for image in images:
         size = f"{image.width}x{image.height}, {image.landmarks} landmarks"
-        _say(f"{image.name}: {size if image.usable else image.status}")
+        pose = ", pose" if image.id in posed else ""
+        _say(f"{image.name}: {size if image.usable else image.status}{pose}")
 
 
 @map_app.command(name="verify")
-def verify_command(folder: MapFolder, /) -> int:
+def verify_command(folder: MapFolder, /, *, content: Flag = False) -> int:
     """Check a map and the files of its images.
 
     Exit status: 0 no problem, 3 problems, one a line, 2 bad input or usage.
 
     Args:
         folder: Folder of the map.
+        content: Read also the files whose size and time are those that were recorded.
     """
     opened = open_map(folder)
-    problems = opened.problems()
+    problems = opened.problems(content=content)
     for problem in problems:
         _say(f"{problem.image or folder}: {problem.what}")
     if not problems:
         _say(f"{len(opened.images)} images, no problem")
     return FAILED if problems else 0
+
+
+@map_app.command(name="upgrade")
+def upgrade_command(folder: MapFolder, /) -> None:
+    """Bring a map that an older version made to the present format; nothing is described again.
+
+    Args:
+        folder: Folder of the map.
+    """
+    require("map", *PACKAGES)
+    from nearfar.maps.upgrade import upgrade
+
+    before, after = upgrade(folder)
+    _say(f"format {before} -> {after}" if before != after else f"format {after} already")
+
+
+@map_app.command(name="unlock")
+def unlock_command(folder: MapFolder, /) -> None:
+    """Remove the lock of a process that was killed while it wrote to a map in object storage.
+
+    Make sure that it does not run any more: two writers can leave images without landmarks, which
+    `nearfar map verify` tells.
+
+    Args:
+        folder: URL of the map.
+    """
+    require("map", *PACKAGES)
+    from nearfar.maps.lock import unlock
+
+    owner = unlock(folder)
+    _say("there was no lock" if owner is None else f"removed the lock of {owner}")
 
 
 @map_app.command(name="compact")
@@ -163,11 +199,11 @@ def compact_command(folder: MapFolder, /) -> None:
 @map_app.command(name="locate")
 def locate_command(
     folder: MapFolder,
-    queries: list[Path],
+    queries: list[Place],
     /,
     *,
     as_json: AsJson = False,
-    save: Path | None = None,
+    save: Place | None = None,
     geojson: Path | None = None,
     intrinsics: Path | None = None,
     top: int = 1,
@@ -176,6 +212,7 @@ def locate_command(
     min_confidence: float = DEFAULTS.min_confidence,
     max_pixels: int = DEFAULTS.max_pixels,
     weights: WeightOptions = (),
+    work: WorkOptions = DEFAULT_WORK,
 ) -> int:
     """Find where QUERIES lie in a map.
 
@@ -183,9 +220,9 @@ def locate_command(
 
     Args:
         folder: Folder of the map.
-        queries: Images to locate.
+        queries: Images to locate, or their URLs.
         as_json: Print one JSON object a query, each on a line of its own, instead of text.
-        save: Folder for a JSON file and a picture of each query.
+        save: Folder, or URL of one, for a JSON file and a picture of each query.
         geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
             latitude.
         intrinsics: Camera that took the queries, to find their poses where those of map images are
@@ -200,29 +237,37 @@ def locate_command(
     settings = DEFAULTS.replace(
         max_effort=max_effort, min_confidence=min_confidence, max_pixels=max_pixels
     )
-    opened = open_map(folder, settings=with_weights(settings, weights))
+    settings = with_weights(settings, weights)
+    if top < 1 or verify < 1:
+        raise SettingsError("--top and --verify must be at least 1")
+    open_map(folder, settings=settings)
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
-    located, statuses = [], {0}
-    with _progress() as show:
-        for done, (query, name) in enumerate(zip(queries, _names(queries), strict=True)):
-            show(done, len(queries))
-            try:
-                found = opened.locate(query, top=top, verify=verify, intrinsics=camera)
-            except ImageError as error:
-                print(f"nearfar: {error}", file=sys.stderr)  # noqa: T201
+    run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
+    tasks = [
+        Query(query, name, folder, settings, top, verify, camera, save, run)
+        for query, name in zip(queries, _names(queries), strict=True)
+    ]
+    statuses = {0}
+    features: list[dict[str, Any]] = []
+    with shown_progress("queries") as show:
+        for found in workers.run_in_order(locate_query, tasks, died, meter):
+            show(meter.done, len(tasks))
+            if found.error is not None:
+                print(f"nearfar: {found.error}", file=sys.stderr)  # noqa: T201
                 statuses.add(BAD_INPUT)
+                meter.failed += 1
                 continue
-            _say(found.to_json() if as_json else _text(found, posing=camera is not None))
-            if save is not None:
-                found.save(save, name)
-            located.append(found)
+            _say(found.line if as_json else found.text)
+            features += found.features
             statuses.add(0 if found.located else FAILED)
     if geojson is not None:
-        geojson.write_text(feature_collection(located) + "\n", encoding="utf-8")
+        content = {"type": "FeatureCollection", "features": features}
+        geojson.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+    logs.event("queries located", map=str(folder), **meter.metrics().to_dict())
     return BAD_INPUT if BAD_INPUT in statuses else max(statuses)
 
 
-def _names(queries: list[Path]) -> list[str]:
+def _names(queries: "Sequence[Location]") -> list[str]:
     """A name for the files of each query; further queries of the same name are numbered."""
     names: dict[str, None] = {}
     for query in queries:
@@ -233,51 +278,17 @@ def _names(queries: list[Path]) -> list[str]:
     return list(names)
 
 
-def _text(found: MapLocalization, *, posing: bool) -> str:
-    if not found.located:
-        return f"{found.query}: not found; {found.reason}"
-    lines = [f"{found.query}: located"]
-    for answer in found.answers:
-        lines.append(
-            f"  {answer.image}: confidence {answer.confidence:.2f}, scale change "
-            f"{answer.scale_change:.2f}x, {answer.votes:.1f} votes"
-        )
-        if answer.footprint is not None:
-            corners = "  ".join(f"({x:.1f}, {y:.1f})" for x, y in answer.footprint)
-            lines.append(f"  outline in it: {corners}")
-        if answer.world is not None:
-            lines.append(f"  centre: {_geo_text(answer.world)}")
-    if found.pose is not None:
-        lines.append(f"  {_pose_text(found.pose)}")
-    elif posing:
-        lines.append("  no pose: none of these map images has one (nearfar map add --help)")
-    stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in found.seconds.items())
-    return "\n".join([*lines, f"  {sum(found.seconds.values()):.2f} s ({stages})"])
-
-
-def _geo_text(place: GeoPlace) -> str:
-    x, y = place.outline.centre
-    crs = place.crs if len(place.crs) <= LONGEST_CRS else "the raster's system"
-    projected = f"({x:.2f}, {y:.2f}) in {crs}"
-    if place.longitude_latitude is None:
-        return projected
-    longitude, latitude = place.longitude_latitude.centre
-    return f"longitude {longitude:.7f}, latitude {latitude:.7f}; {projected}"
-
-
-def _pose_text(pose: QueryPose) -> str:
-    basis = f"{pose.inliers} matches with {', '.join(pose.images)}"
-    if pose.translation is None:
-        x, y, z = pose.to_dict()["direction"]
-        away = f"direction ({x:.3f}, {y:.3f}, {z:.3f}) from {pose.images[0]}"
-        return f"{away}, distance unknown; {basis}"
-    x, y, z = pose.translation
-    return f"camera at ({x:.3f}, {y:.3f}, {z:.3f}) in {pose.world}, by {pose.source}; {basis}"
-
-
-def _attach(attachments: "list[Attach]", opened: "Map", images: list[Path]) -> None:
+def _attach(attachments: "list[Attach]", opened: "Map", images: "Sequence[Location]") -> None:
     for attach in attachments:
         _say(f"{attach(opened, images)} images have a pose")
+
+
+def _add(opened: "Map", images: "Sequence[Location]", work: WorkOptions) -> None:
+    workers = work.begin()
+    with shown_progress("images") as show:
+        added = opened.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
+    _tell(added)
+    logs.event("images added", map=str(opened.folder), **added.metrics.to_dict())
 
 
 def _tell(added: "Added") -> None:
@@ -285,20 +296,14 @@ def _tell(added: "Added") -> None:
         _say(f"left out: {name}: {reason}")
     counts = f"{added.added} added, {added.replaced} replaced, {added.unchanged} unchanged"
     _say(f"{counts}, {len(added.failed)} left out")
+    took = added.metrics
+    if took.done:
+        _say(
+            f"{took.wall_seconds:.1f} s, {took.cpu_seconds:.1f} s of processors, {took.workers} "
+            f"workers, {took.retried} retried"
+        )
 
 
 def _say(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A bar on the terminal, if there is one, and what moves it: done, of how many."""
-    terminal = Console(stderr=True)
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(
-        *columns, console=terminal, transient=True, disable=not terminal.is_terminal
-    ) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from nearfar.maps.map import Map
+    from nearfar.storage import Location
 
-    Attach = Callable[[Map, Sequence[Path]], int]
+    Attach = Callable[[Map, Sequence[Location]], int]
     """Attaches to images of a map what was read, and tells to how many."""
 
 

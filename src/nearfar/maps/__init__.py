@@ -1,23 +1,23 @@
 """Maps: many images, and others located in them. Needs the extra `map`."""
 
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nearfar.extras import require
 from nearfar.settings import Settings
+from nearfar.storage import Url, location
 
 if TYPE_CHECKING:
     from nearfar.maps.map import Map
 
 PACKAGES = ("lancedb", "pyarrow", "joblib", "filelock")
 """Of the extra `map`."""
-DEFAULTS = Settings(max_effort="zoom")
+DEFAULTS = Settings(max_effort="points")
 """What verifies where an image may lie."""
 
 
 def open_map(
-    path: str | PathLike[str],
+    path: str | PathLike[str] | Url,
     *,
     create: bool = False,
     max_size: int | None = None,
@@ -27,7 +27,7 @@ def open_map(
     """Open a map.
 
     Args:
-        path: folder of the map.
+        path: folder of the map, or its URL in object storage (s3://BUCKET/PATH).
         create: make a map without images where there is none.
         max_size: of a new map, the longest side in pixels to which images are reduced; 0, the
             default, does not reduce them. A map made with another is refused.
@@ -39,12 +39,13 @@ def open_map(
             or `max_size`.
         MissingExtraError: packages of the extra `map` are not installed.
         SettingsError: an option is unknown or out of range.
+        StorageError: it is in object storage that does not answer or refuses.
         WeightsError: a map is to be made and the weights of the descriptor cannot be read.
     """
     require("map", *PACKAGES)
     from nearfar.maps.map import Map
 
-    folder, chosen = Path(path), settings.replace(**options)
+    folder, chosen = location(path), settings.replace(**options)
     if create and not Map.exists(folder):
         return Map.create(folder, chosen, max_size or 0)
     found = Map(folder, chosen)

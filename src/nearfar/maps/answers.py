@@ -7,13 +7,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from nearfar.arrays import Coordinates, Matrix3
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.pose import RelativePose
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.pictures import save
 from nearfar.pictures.footprint import footprint_page
 from nearfar.pictures.matches import point_matches
+from nearfar.pictures.page import Caption, Entry
+from nearfar.storage import Location
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,28 @@ class MapAnswer:
             "world": None if self.world is None else self.world.to_dict(),
         }
 
+    def picture(self) -> RGBPixels:
+        """The query's outline on the part of the map image that was looked at.
+
+        Matched points where there is no outline.
+        """
+        part = self.localization
+        page = footprint_page(part, caption=self._caption())
+        return point_matches(part) if page is None else page
+
+    def _caption(self) -> Caption:
+        times, size = self.scale_change, "smaller"
+        if times < 1:
+            times, size = 1 / times, "larger"
+        points = self.points
+        return Caption(
+            f"{Path(self.image).name} shows it inside the outline, {times:.1f} times {size}",
+            (
+                Entry(f"confidence {self.confidence:.2f}"),
+                Entry(f"{points.inliers.sum():,} of {len(points):,} point matches agree"),
+            ),
+        )
+
     def _model_as_dict(self) -> dict[str, Any]:
         model = self.far_from_near
         if isinstance(model, RelativePose):
@@ -98,7 +122,7 @@ class MapLocalization:
     Attributes:
         answers: the best first; none where it was not found.
         candidates: what was looked at, in that order.
-        query: path of the query; None for an array.
+        query: path or URL of the query; None for an array.
         width: of the query, in pixels of the original.
         height: the same.
         seconds: wall time by stage.
@@ -108,7 +132,7 @@ class MapLocalization:
 
     answers: tuple[MapAnswer, ...]
     candidates: tuple[Verified, ...]
-    query: Path | None
+    query: Location | None
     width: int
     height: int
     seconds: dict[str, float]
@@ -179,8 +203,6 @@ class MapLocalization:
         written = [folder / f"{name}.json"]
         written[0].write_text(self.to_json() + "\n", encoding="utf-8")
         if self.answers:
-            best = self.answers[0].localization
-            page = footprint_page(best)
-            picture = point_matches(best) if page is None else page
+            picture = self.answers[0].picture()
             written.append(save(picture, folder / f"{name}.png"))
         return written

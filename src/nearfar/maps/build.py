@@ -2,27 +2,28 @@
 
 import functools
 import hashlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nearfar.bench.workers import Workers
-from nearfar.errors import ImageError
+from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
-from nearfar.maps.files import content_hash, name_of
+from nearfar.maps.files import content_hash, has_state, name_of, state_of
 from nearfar.maps.keypoints import packed_keypoints
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
 from nearfar.maps.sources import Core, Tile, levels, open_image
 from nearfar.maps.store import OK, Indexed, MapImage, MapStore
+from nearfar.metrics import Meter, RunMetrics
+from nearfar.progress import Progress
 from nearfar.settings import Settings
+from nearfar.storage import Location
 
 LANDMARKS_PER_COMMIT = 50_000
 """Images are committed together until they have so many; what a crash can lose."""
-
-Progress = Callable[[int, int], None]
-"""Is told how many of how many images are done."""
+IMAGES_PER_COMMIT = 5_000
+"""Nor more images than this, where few of them have landmarks."""
 
 
 @dataclass(frozen=True)
@@ -34,71 +35,144 @@ class Added:
         replaced: images whose content had changed, or that could not be read before.
         unchanged: images that were there already.
         failed: name and reason of those that could not be read.
+        metrics: what it took.
     """
 
     added: int
     replaced: int
     unchanged: int
     failed: tuple[tuple[str, str], ...]
+    metrics: RunMetrics
 
 
 @dataclass(frozen=True)
 class _Task:
-    file: Path
+    """An image to describe.
+
+    Attributes:
+        file: of the image.
+        name: in the map.
+        known: what the map has of a usable image of this name; None where it has none.
+        max_size: of the map.
+        settings: `weights` and `max_pixels` are used.
+    """
+
+    file: Location
     name: str
-    sha256: str
+    known: MapImage | None
     max_size: int
     settings: Settings
 
 
 def add_images(
-    store: MapStore, files: Iterable[Path], settings: Settings, jobs: int, progress: Progress
+    store: MapStore,
+    files: Iterable[Location],
+    settings: Settings,
+    workers: Workers,
+    progress: Progress,
 ) -> Added:
     """Add files to a map; must be called within `MapStore.writing`.
+
+    Images are committed in the order of the files, so that a map does not depend on the workers.
+    These read the files, and return what is found to this process, which alone writes.
 
     Args:
         store: the map.
         files: the images.
         settings: `weights` and `max_pixels` are used.
-        jobs: local processes; 1: this one.
+        workers: where images are described.
         progress: is told how it proceeds.
+
+    Raises:
+        StorageError: images or map are in object storage that does not answer; what was committed
+            is kept.
     """
+    meter = Meter()
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
     tasks = []
     for name, file in named.items():
-        sha256 = content_hash(file)
         old = known.get(name)
-        if old is None or not old.usable or old.sha256 != sha256:
-            tasks.append(_Task(file, name, sha256, store.manifest.max_size, settings))
-    done = len(named) - len(tasks)
-    progress(done, len(named))
+        usable = old if old is not None and old.usable else None
+        if usable is None or not has_state(usable, state_of(file)):
+            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings))
+    meter.skipped = len(named) - len(tasks)
+    progress(meter.skipped, len(named))
     described: list[MapImage] = []
-    waiting: list[Indexed] = []
-    for entry in Workers(jobs).run(_indexed, tasks, _died):
-        waiting.append(entry)
-        described.append(entry.image)
-        if sum(each.image.landmarks for each in waiting) >= LANDMARKS_PER_COMMIT:
-            store.add(waiting)
-            waiting = []
-        done += 1
-        progress(done, len(named))
-    store.add(waiting)
-    usable = [image for image in described if image.usable]
-    replaced = sum(image.name in known for image in usable)
+    same = 0
+    waiting = _Waiting(store)
+    for found in workers.run_in_order(_indexed, tasks, _died, meter):
+        waiting.take(found)
+        if isinstance(found, Indexed):
+            described.append(found.image)
+            meter.failed += not found.image.usable
+        else:
+            same += 1
+        progress(meter.skipped + meter.done, len(named))
+    waiting.commit()
+    usable_images = [image for image in described if image.usable]
+    replaced = sum(image.name in known for image in usable_images)
     failed = sorted((each.name, each.status) for each in described if not each.usable)
-    return Added(len(usable) - replaced, replaced, len(named) - len(tasks), tuple(failed))
+    return Added(
+        len(usable_images) - replaced,
+        replaced,
+        meter.skipped + same,
+        tuple(failed),
+        meter.metrics(),
+    )
 
 
-def _indexed(task: _Task) -> Indexed:
-    """What a map holds of an image; for one that cannot be read only the reason."""
+class _Waiting:
+    """What is to be committed together."""
+
+    def __init__(self, store: MapStore) -> None:
+        self._store = store
+        self._entries: list[Indexed] = []
+        self._same: list[MapImage] = []
+        self._landmarks = 0
+
+    def take(self, found: Indexed | MapImage) -> None:
+        """Commit what is waiting if that is enough with this."""
+        if isinstance(found, MapImage):
+            self._same.append(found)
+        else:
+            self._entries.append(found)
+            self._landmarks += found.image.landmarks
+        images = len(self._entries) + len(self._same)
+        if self._landmarks >= LANDMARKS_PER_COMMIT or images >= IMAGES_PER_COMMIT:
+            self.commit()
+
+    def commit(self) -> None:
+        self._store.add(self._entries)
+        self._store.renew(self._same)
+        self._entries, self._same, self._landmarks = [], [], 0
+
+
+def _indexed(task: _Task) -> Indexed | MapImage:
+    """What a map holds of an image; its row alone where the content is the one that is known.
+
+    For an image with which anything goes wrong it is the reason, so that it fails alone.
+
+    Raises:
+        NearfarError: it is not the image that is at fault.
+    """
+    state = state_of(task.file)
+    sha256 = content_hash(task.file)
+    if task.known is not None and task.known.sha256 == sha256:
+        return replace(task.known, size=state.size, modified=state.modified)
     try:
-        return _described(task)
+        found = _described(task, sha256)
     except ImageError as error:
-        return _failed(task, str(error).replace(str(task.file), "the file"))
+        return _failed(task, sha256, str(error).replace(str(task.file), "the file"))
+    except NearfarError:
+        raise
+    except Exception as error:  # Libraries raise whatever they like at an image.
+        return _failed(task, sha256, f"{type(error).__name__}: {error}")
+    image = replace(found.image, size=state.size, modified=state.modified)
+    return replace(found, image=image)
 
 
-def _described(task: _Task) -> Indexed:
+def _described(task: _Task, sha256: str) -> Indexed:
     """What a map holds of an image.
 
     Raises:
@@ -114,7 +188,8 @@ def _described(task: _Task) -> Indexed:
             parts.append(_in_original(describer.of_map(pixels, scales), tile, core))
             tiles.append((tile, packed_keypoints(pixels)))
     landmarks = Landmarks.joined(parts)
-    image = _image(task, photograph.width, photograph.height, OK, len(landmarks))
+    size = photograph.width, photograph.height
+    image = _image(task, sha256, size, OK, len(landmarks))
     return Indexed(image, tiles, landmarks)
 
 
@@ -128,17 +203,19 @@ def _in_original(landmarks: Landmarks, tile: Tile, core: Core) -> Landmarks:
 
 
 def _died(task: _Task) -> Indexed:
-    return _failed(task, "the process that described it died")
+    return _failed(task, "", "the process that described it died")
 
 
-def _failed(task: _Task, reason: str) -> Indexed:
-    return Indexed(_image(task, 0, 0, reason, 0), [], Landmarks.joined([]))
+def _failed(task: _Task, sha256: str, reason: str) -> Indexed:
+    return Indexed(_image(task, sha256, (0, 0), reason, 0), [], Landmarks.joined([]))
 
 
-def _image(task: _Task, width: int, height: int, status: str, landmarks: int) -> MapImage:
-    digest = hashlib.sha256(f"{task.name}\0{task.sha256}".encode()).digest()
+def _image(
+    task: _Task, sha256: str, size: tuple[int, int], status: str, landmarks: int
+) -> MapImage:
+    digest = hashlib.sha256(f"{task.name}\0{sha256}".encode()).digest()
     number = int(np.frombuffer(digest[:8], "<u8")[0] >> 1)
-    return MapImage(number, task.name, task.sha256, width, height, status, landmarks)
+    return MapImage(number, task.name, sha256, *size, status, landmarks)
 
 
 @functools.lru_cache(maxsize=1)

@@ -32,6 +32,9 @@ LEAST_TEXTURE = 4.0
 """Windows whose grey values deviate less from their mean are dropped."""
 QUERY_SIDES = (400, 283, 200, 141, 100)
 """Longer sides of the levels of a query, in pixels."""
+THINNED = 200
+"""In levels of this side or more every other window will do, as on a chessboard: the time of a
+search is in proportion to the windows, and those of the map lie close."""
 ANGLES = tuple(range(0, 360, 45))
 """Rotations in which a query is described, in degrees."""
 
@@ -122,17 +125,21 @@ class LandmarkDescriber:
             for degrees in ANGLES:
                 angle = math.radians(degrees)
                 seen, seen_from_reduced = turned(reduced, angle)
-                found = self._windows(seen, seen_from_reduced @ reduced_from_query, angle)
+                matrix = seen_from_reduced @ reduced_from_query
+                found = self._windows(seen, matrix, angle, thinned=side >= THINNED)
                 least, most = [-0.5, -0.5], [width - 0.5, height - 0.5]
                 yield found[np.all((found.centre >= least) & (found.centre <= most), axis=1)]
 
-    def _windows(self, pixels: RGBPixels, seen_from_image: Matrix3, angle: float) -> Landmarks:
+    def _windows(
+        self, pixels: RGBPixels, seen_from_image: Matrix3, angle: float, *, thinned: bool = False
+    ) -> Landmarks:
         """The windows of one level, in pixels of the image.
 
         Args:
             pixels: the level.
             seen_from_image: maps pixels of the image to the level.
             angle: see `Landmarks`.
+            thinned: whether to keep every other one, that in the middle among them.
         """
         padded = _in_granules(pixels)
         vectors = self._network.feature_map(padded).values[
@@ -140,16 +147,18 @@ class LandmarkDescriber:
         ]
         rows, columns = vectors.shape[:2]
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        textured = _texture(padded)[:rows, :columns].ravel() >= LEAST_TEXTURE
+        kept = _texture(padded)[:rows, :columns].ravel() >= LEAST_TEXTURE
+        if thinned:
+            kept &= grid.sum(axis=1) % 2 == (rows // 2 + columns // 2) % 2
         image_from_seen = np.linalg.inv(seen_from_image)
-        centre = transform(image_from_seen, (CROP - 1) / 2 + SPACING * grid[textured].astype(float))
+        centre = transform(image_from_seen, (CROP - 1) / 2 + SPACING * grid[kept].astype(float))
         scale = math.sqrt(abs(np.linalg.det(image_from_seen[:2, :2])))
         count = len(centre)
         return Landmarks(
             centre,
             np.full(count, CROP * scale),
             np.full(count, angle),
-            vectors.reshape(-1, DIMENSIONS)[textured].astype(np.float16),
+            vectors.reshape(-1, DIMENSIONS)[kept].astype(np.float16),
         )
 
 

@@ -13,11 +13,11 @@ from nearfar.intrinsics import CameraIntrinsics
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
-from nearfar.maps.files import content_hash, file_of
+from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.keypoints import unpacked_keypoints
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
-from nearfar.maps.sources import open_image
+from nearfar.maps.sources import copied, open_image
 from nearfar.maps.store import MapImage, MapStore
 from nearfar.maps.verification import Place, localized_in, places
 from nearfar.maps.voting import candidates, votes_of
@@ -28,12 +28,14 @@ from nearfar.methods.adaptive import AdaptiveFeatures
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
-HITS = 50
+HITS = 20
 """Map landmarks that each landmark of a query is compared by."""
 CANDIDATES_PER_PLACE = 3
 """Candidates that are considered for each place that is looked at."""
 SURE = 0.9
 """Confidence of an answer beyond which no further one is sought."""
+CACHED = 10**8
+"""Bytes of features that are kept: of the query and of the places that it was sought in last."""
 CHOICE = 3
 """For a pose, of so many times the places that may be looked at those nearest to the first sure
 answer are, since most of the scene is seen from there as well."""
@@ -56,7 +58,7 @@ class MapLocator:
         self._store = store
         self._settings = settings
         self._describer = LandmarkDescriber(settings)
-        self._localizer = Localizer(settings)
+        self._localizer = Localizer(settings, cache_bytes=CACHED)
         self._images = {image.id: image for image in store.images() if image.usable}
         self._views = ViewStore(store.folder)
 
@@ -115,7 +117,7 @@ class MapLocator:
 
     def _hits(self, landmarks: Landmarks) -> Hits:
         if self._store.indexed:
-            return nearest_by_index(self._store, landmarks.vectors, HITS)
+            return nearest_by_index(self._store, landmarks.vectors, HITS, self._images)
         return nearest(self._store.blocks(), landmarks.vectors, HITS, self._images)
 
     def _verified(
@@ -140,7 +142,7 @@ class MapLocator:
             ImageError: the file is missing or no longer the one of which the map was made.
         """
         file = file_of(image.name, self._store.folder)
-        if content_hash(file) != image.sha256:
+        if not is_unchanged(file, image):
             raise ImageError(
                 f"the file {image.name} is missing or has changed: build the map again"
             )
@@ -158,7 +160,7 @@ class MapLocator:
             size = found.near.width, found.near.height
             model = normalized(place.tile.original_from_tile @ np.asarray(model))
             corners = footprint(model, *size)
-            world = geo_place(file_of(image.name, self._store.folder), model, size)
+            world = geo_place(copied(file_of(image.name, self._store.folder)), model, size)
         points = found.points
         in_original = transform(place.tile.original_from_tile, points.far)
         return MapAnswer(

@@ -5,15 +5,17 @@ import hashlib
 import importlib.metadata
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 from nearfar.errors import MapError
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.settings import Settings
+from nearfar.storage import Location
 
 FILE = "nearfar-map.json"
-FORMAT = 1
+FORMAT = 2
 """Changes with the tables, and with every constant that changes what is stored in them."""
+OLDEST = 1
+"""Format from which on a map can be upgraded; see `upgrade`."""
 DESCRIPTOR = "nearfar"
 
 
@@ -35,7 +37,7 @@ class Manifest:
     model: str
     max_size: int
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: Location) -> None:
         """Write it into the folder of a map.
 
         Raises:
@@ -44,7 +46,7 @@ class Manifest:
         text = json.dumps(dataclasses.asdict(self), indent=1) + "\n"
         (folder / FILE).write_text(text, encoding="utf-8")
 
-    def check_max_size(self, asked: int | None, folder: Path) -> None:
+    def check_max_size(self, asked: int | None, folder: Location) -> None:
         """Check that the map was made of images reduced to a size; None fits any.
 
         Raises:
@@ -56,7 +58,7 @@ class Manifest:
                 f"it out, or build another map"
             )
 
-    def check_model(self, settings: Settings, folder: Path) -> None:
+    def check_model(self, settings: Settings, folder: Location) -> None:
         """Check that the map was made with the descriptor of the settings.
 
         Raises:
@@ -87,25 +89,38 @@ def model_hash(settings: Settings) -> str:
     return hashlib.sha256(landmark_network(settings)).hexdigest()
 
 
-def read_manifest(folder: Path) -> Manifest:
+def read_manifest(folder: Location) -> Manifest:
     """The manifest of a map.
 
     Raises:
         MapError: there is no map, or it is one of another format.
+        StorageError: it is in object storage that does not answer.
+    """
+    found = read_any_manifest(folder)
+    if OLDEST <= found.format < FORMAT:
+        raise MapError(
+            f"the map {folder} has the format {found.format} (nearfar {found.nearfar}), this "
+            f"version {FORMAT}: run `nearfar map upgrade {folder}`"
+        )
+    if found.format != FORMAT:
+        raise MapError(
+            f"the map {folder} has the format {found.format} (nearfar {found.nearfar}), this "
+            f"version reads and writes {FORMAT}: build it anew"
+        )
+    return found
+
+
+def read_any_manifest(folder: Location) -> Manifest:
+    """The manifest of a map of any format that `nearfar map upgrade` knows, or of another one.
+
+    Raises:
+        MapError: there is no map, or its manifest is damaged.
+        StorageError: it is in object storage that does not answer.
     """
     try:
         content = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        made = int(content["format"]), str(content["nearfar"])
+        return Manifest(**{**content, "format": int(content["format"])})
     except OSError:
         raise MapError(f"{folder} is no map: make one with `nearfar map build`") from None
     except (ValueError, KeyError, TypeError):
-        raise MapError(f"{folder / FILE} is damaged: build the map anew") from None
-    if made[0] != FORMAT:
-        raise MapError(
-            f"the map {folder} has the format {made[0]} (nearfar {made[1]}), this version reads "
-            f"and writes {FORMAT}: build it anew"
-        )
-    try:
-        return Manifest(**content)
-    except TypeError:
         raise MapError(f"{folder / FILE} is damaged: build the map anew") from None

@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
-from pathlib import Path
 
+from nearfar.bench.workers import Workers
 from nearfar.errors import MapError, SettingsError
 from nearfar.image import ImageSource
 from nearfar.intrinsics import CameraIntrinsics, CameraSource, read_camera
 from nearfar.maps.answers import MapLocalization
-from nearfar.maps.build import Added, Progress, add_images
+from nearfar.maps.build import Added, add_images
 from nearfar.maps.check import Problem, problems
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
@@ -19,18 +19,22 @@ from nearfar.maps.store import MapImage, MapStore
 from nearfar.maps.world.colmap import ColmapModel
 from nearfar.maps.world.poses import Poses
 from nearfar.maps.world.views import View, ViewStore
+from nearfar.progress import Progress, silent
 from nearfar.settings import Settings
+from nearfar.storage import Location, Url, location
 
 TOP, VERIFY = 1, 5
 """Answers that are sought, and places that are looked at for them."""
 
 
-def _silent(done: int, of: int) -> None:
-    """Shows no progress."""
+ImageFiles = Iterable[str | PathLike[str] | Url]
+"""Files and folders, or URLs of them."""
 
 
 class Map:
-    """The images of a map on disk; its state when it was opened, and its own changes.
+    """The images of a map; its state when it was opened, and its own changes.
+
+    Every method raises `StorageError` where the map is in object storage that does not answer.
 
     Args:
         folder: of the map.
@@ -42,7 +46,7 @@ class Map:
         SettingsError: the settings are for another method.
     """
 
-    def __init__(self, folder: Path, settings: Settings) -> None:
+    def __init__(self, folder: Location, settings: Settings) -> None:
         if settings.method != "adaptive":
             raise SettingsError(f"a map is searched by the method adaptive, not {settings.method}")
         self.settings = settings
@@ -50,7 +54,7 @@ class Map:
         self._locator: MapLocator | None = None
 
     @staticmethod
-    def create(folder: Path, settings: Settings, max_size: int) -> "Map":
+    def create(folder: Location, settings: Settings, max_size: int) -> "Map":
         """A new map without images.
 
         Raises:
@@ -62,12 +66,12 @@ class Map:
         return Map(folder, settings)
 
     @staticmethod
-    def exists(folder: Path) -> bool:
+    def exists(folder: Location) -> bool:
         """Whether a folder is a map, of any format."""
         return (folder / FILE).exists()
 
     @property
-    def folder(self) -> Path:
+    def folder(self) -> Location:
         """Where the map is."""
         return self._store.folder
 
@@ -117,29 +121,37 @@ class Map:
 
     def add(
         self,
-        images: Iterable[str | PathLike[str]],
+        images: ImageFiles,
         *,
         jobs: int = 1,
-        progress: Progress = _silent,
+        scheduler: str | None = None,
+        progress: Progress = silent,
     ) -> Added:
         """Add images; those that are there already are left, those that have changed replaced.
 
         Args:
-            images: files, and folders, of which all images are added.
+            images: files, and folders, of which all images are added; paths, or URLs of object
+                storage.
             jobs: local processes.
+            scheduler: address of a Dask cluster whose workers describe the images instead; they
+                read the files themselves, at the same paths.
             progress: is told how many of how many images are done.
 
         Raises:
+            BenchmarkError: the cluster cannot be used.
             MapError: there is no such file, another process is writing, or the map was made with
                 another descriptor.
             WeightsError: the weights of the descriptor cannot be read.
         """
+        if jobs < 1:
+            raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
-        files = image_files(Path(image) for image in images)
+        files = image_files(map(location, images))
+        workers = Workers(jobs, scheduler)
         with self._changing():
-            return add_images(self._store, files, self.settings, jobs, progress)
+            return add_images(self._store, files, self.settings, workers, progress)
 
-    def add_model(self, model: ColmapModel, images: Iterable[str | PathLike[str]]) -> int:
+    def add_model(self, model: ColmapModel, images: ImageFiles) -> int:
         """Attach cameras, poses and points of a COLMAP model to images of the map.
 
         Args:
@@ -154,12 +166,10 @@ class Map:
         """
         world = name_of(model.folder, self.folder)
         with self._changing():
-            found = [image for image in self._of_files(image_files(map(Path, images))) if image]
+            found = [image for image in self._of_files(image_files(map(location, images))) if image]
             return self._attached(model.views(world, found))
 
-    def add_poses(
-        self, poses: Poses, camera: CameraIntrinsics, images: Iterable[str | PathLike[str]]
-    ) -> int:
+    def add_poses(self, poses: Poses, camera: CameraIntrinsics, images: ImageFiles) -> int:
         """Attach a list of poses to images of the map.
 
         Args:
@@ -173,7 +183,7 @@ class Map:
         Raises:
             MapError: the list does not fit the images, or another process is writing.
         """
-        files, world = image_files(map(Path, images)), name_of(poses.file, self.folder)
+        files, world = image_files(map(location, images)), name_of(poses.file, self.folder)
         with self._changing():
             return self._attached(poses.views(world, camera, files, self._of_files(files)))
 
@@ -181,7 +191,7 @@ class Map:
         ViewStore(self.folder).put(views)
         return len(views)
 
-    def _of_files(self, files: Iterable[Path]) -> list[MapImage | None]:
+    def _of_files(self, files: Iterable[Location]) -> list[MapImage | None]:
         """The image of each file; None where it is not in the map or could not be read."""
         known = {image.name: image for image in self._store.images() if image.usable}
         return [known.get(name_of(file, self.folder)) for file in files]
@@ -204,9 +214,18 @@ class Map:
             self._store.remove(chosen)
         return len(chosen)
 
-    def problems(self) -> list[Problem]:
-        """What is wrong with the map and the files of its images."""
-        return problems(self._store)
+    @property
+    def posed(self) -> set[int]:
+        """Ids of the images whose camera and pose are known."""
+        return ViewStore(self.folder).ids()
+
+    def problems(self, *, content: bool = False) -> list[Problem]:
+        """What is wrong with the map, the files of its images and their poses.
+
+        Args:
+            content: read also the files whose size and time are those that were recorded.
+        """
+        return problems(self._store, content=content)
 
     def compact(self) -> bool:
         """Merge files, remove those not needed for an hour, and index many landmarks.
@@ -228,7 +247,7 @@ class Map:
             yield
 
     def _id_of(self, name: str, ids: dict[str, int]) -> int:
-        of_file = name_of(Path(name), self.folder)
+        of_file = name_of(location(name), self.folder)
         for known in (name, of_file):
             if known in ids:
                 return ids[known]

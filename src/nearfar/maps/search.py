@@ -60,25 +60,32 @@ def nearest(
     return Hits(np.where(missing, -1, best.similarity), image, place[best.index])
 
 
-def nearest_by_index(store: MapStore, vectors: NDArray[np.float16], count: int) -> Hits:
+def nearest_by_index(
+    store: MapStore, vectors: NDArray[np.float16], count: int, images: Iterable[int]
+) -> Hits:
     """The same by the index of a map, which misses some.
 
     Args:
         store: a map with an index.
         vectors: (Q, 256) of the query, of unit length.
         count: K.
+        images: ids of images that count.
     """
+    known = np.array(sorted(images), np.int64)
     similarity = np.full((len(vectors), count), -1, np.float32)
     image = np.full((len(vectors), count), NONE, np.int64)
     place = np.zeros((len(vectors), count, 3), np.float32)
     for start in range(0, len(vectors), QUERIES_AT_ONCE):
-        found = store.like(vectors[start : start + QUERIES_AT_ONCE], count)
+        found = store.like(vectors[start : start + QUERIES_AT_ONCE])
         order = np.lexsort((-found.similarity, found.query))
+        order = order[np.isin(found.image[order], known)]
         query = found.query[order]
         rank = np.arange(len(query)) - np.searchsorted(query, query)
-        similarity[start + query, rank] = found.similarity[order]
-        image[start + query, rank] = found.image[order]
-        place[start + query, rank] = found.place[order]
+        first = rank < count
+        order, query, rank = order[first], start + query[first], rank[first]
+        similarity[query, rank] = found.similarity[order]
+        image[query, rank] = found.image[order]
+        place[query, rank] = found.place[order]
     return Hits(similarity, image, place)
 
 

@@ -3,21 +3,27 @@
 Of GeoTIFFs, and of TIFFs that are too large to be held in memory, only tiles are read (`Raster`).
 """
 
+import functools
 import itertools
 import math
+import shutil
+import tempfile
+import weakref
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import overload
 
 import cv2
 import numpy as np
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.errors import MapError
+from nearfar.errors import ImageError, MapError
 from nearfar.geometry.homography import scaling, translation
 from nearfar.image import FORMATS, Image, read_image
 from nearfar.maps.raster import Raster, open_raster, tiff_header
+from nearfar.storage import FileState, Location, Url
 
 TILE = 1600
 """Longest side of a tile, in its pixels: the size at which pairs of images are localized."""
@@ -106,43 +112,93 @@ class Photograph:
         return np.asarray(cv2.resize(window, size, interpolation=cv2.INTER_AREA))
 
 
-def open_image(file: Path, max_pixels: int) -> Photograph | Raster:
+def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
     """The image in a file.
 
     Args:
-        file: the image.
+        file: the image; one in object storage is copied as a whole first.
         max_pixels: that are held in memory; a larger TIFF is read tile by tile.
 
     Raises:
         ImageError: it cannot be read, or has more pixels than allowed.
         MissingExtraError: it is a GeoTIFF or a TIFF with more pixels, and the extra `geo` is not
             installed.
+        StorageError: it is in object storage that does not answer.
     """
+    if isinstance(file, Url):
+        copy = copied(file)
+        try:
+            return open_image(copy, max_pixels)
+        except ImageError as error:
+            raise ImageError(str(error).replace(str(copy), str(file))) from None
     header = tiff_header(file)
     if header is not None and header.by_tiles(max_pixels):
         return open_raster(file)
     return Photograph(read_image(file, max_pixels=max_pixels))
 
 
-def image_files(sources: Iterable[Path]) -> list[Path]:
+def copied(file: Location) -> Path:
+    """A file that programs can open: itself, or a copy until two others have been asked for.
+
+    Raises:
+        ImageError: it is missing.
+        StorageError: it is in object storage that does not answer.
+    """
+    if isinstance(file, Path):
+        return file
+    try:
+        return _copy(file, file.state()).path
+    except FileNotFoundError:
+        raise ImageError(f"{file} does not exist") from None
+
+
+class _Copy:
+    """A local copy of a file, which is removed with this object."""
+
+    def __init__(self, file: Url) -> None:
+        folder = tempfile.mkdtemp()
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.path = Path(folder) / file.name
+        self.path.write_bytes(file.read_bytes())
+
+
+@functools.lru_cache(maxsize=2)
+def _copy(file: Url, _: FileState) -> _Copy:
+    return _Copy(file)
+
+
+@overload
+def image_files(sources: Iterable[Path]) -> list[Path]: ...
+
+
+@overload
+def image_files(sources: Iterable[Location]) -> list[Location]: ...
+
+
+def image_files(sources: Iterable[Path] | Iterable[Location]) -> list[Path] | list[Location]:
     """Files as they are named, and all images in folders and in folders below, without duplicates.
 
     Raises:
         MapError: there is no such file, or no image in a folder.
+        StorageError: one is in object storage that does not answer.
     """
     known = PillowImage.registered_extensions()
     suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
-    found: dict[Path, None] = {}
+    found: dict[Location, None] = {}
     for source in sources:
-        if source.is_dir():
-            inside = sorted(each for each in source.rglob("*") if each.suffix.lower() in suffixes)
+        if source.is_file():
+            inside: list[Location] = [source]
+        elif source.is_dir():
+            below = source.rglob("*") if isinstance(source, Path) else source.below()
+            inside = [each for each in below if each.suffix.lower() in suffixes]
+            inside.sort(key=str)
             if not inside:
                 raise MapError(f"the folder {source} holds no images")
-        elif source.is_file():
-            inside = [source]
         else:
             raise MapError(f"{source} does not exist")
-        found.update(dict.fromkeys(each.resolve() for each in inside))
+        found.update(
+            dict.fromkeys(each.resolve() if isinstance(each, Path) else each for each in inside)
+        )
     return list(found)
 
 

@@ -19,7 +19,7 @@ SCALE_TOLERANCE = 1.5
 ANGLE_TOLERANCE = math.radians(46)
 PLACE_TOLERANCE = 0.25
 """Of the query's centre, as a share of the diagonal of its footprint."""
-SEEDS = 100
+SEEDS = 40
 """So many of the best votes for an image propose transforms."""
 PLACES = 3
 """Candidates that one image gives at most."""
@@ -77,9 +77,9 @@ class Candidate:
 def votes_of(hits: Hits, landmarks: Landmarks, size: tuple[int, int]) -> Votes:
     """The votes of all hits.
 
-    A hit weighs as much as it exceeds the last of the hits of its landmark, so that what is found
-    all over the map weighs little, shared among the parts of the query that hit the same landmark
-    of the map, so that what is like everything weighs little as well.
+    A hit weighs the square of what it exceeds the last of the hits of its landmark by, so that what
+    is found all over the map weighs little; less where several parts of the query hit the same
+    landmark of the map, so that what is like everything weighs little as well.
 
     Args:
         hits: of the landmarks.
@@ -89,12 +89,13 @@ def votes_of(hits: Hits, landmarks: Landmarks, size: tuple[int, int]) -> Votes:
     count = hits.similarity.shape[1]
     query = np.repeat(np.arange(len(landmarks)), count)
     last = hits.similarity[:, -1:]
-    weight = ((hits.similarity - last) / np.maximum(1 - last, 1e-6)).ravel()
+    excess = (hits.similarity - last) / np.maximum(1 - last, 1e-6)
+    weight = excess.ravel() ** 2
     counts = (hits.image.ravel() != NONE) & (weight > 0)
     query, weight = query[counts], weight[counts]
     image, place = hits.image.ravel()[counts], hits.place.reshape(-1, 3)[counts]
     cell = _cells(landmarks)[query]
-    weight /= _cells_that_hit(image, place, cell)
+    weight /= np.sqrt(_cells_that_hit(image, place, cell))
     transforms = map_from_query(place, landmarks[query])
     middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2, 1.0])
     scale = place[:, 2] / landmarks.side[query]

@@ -204,6 +204,7 @@ class Adaptive:
                 ordered = attempt(sets, pair.task, self._ordered, pair.far.size, step, best_first)
                 every = attempt(sets, pair.task, self._estimator, pair.far.size, step)
                 best = min(best, ordered, every, key=lambda each: each.evidence)
+            _tell(pair.timer, min(ordered, every, key=lambda each: each.evidence))
         return best
 
     def _hypotheses(self, pair: _Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
@@ -261,12 +262,22 @@ class Adaptive:
 
     def _attempt(self, pair: _Pair, sets: list[Matched], step: str) -> Attempt:
         with pair.timer.stage("estimation"):
-            return attempt(sets, pair.task, self._estimator, pair.far.size, step)
+            found = attempt(sets, pair.task, self._estimator, pair.far.size, step)
+        _tell(pair.timer, found)
+        return found
 
     def _pyramid(self, features: AdaptiveFeatures) -> Pyramid:
         if features not in self._pyramids:
             self._pyramids[features] = pyramid(features.pixels, self._descriptor)
         return self._pyramids[features]
+
+
+def _tell(timer: StageTimer, tried: Attempt) -> None:
+    """Tell who watches of an attempt."""
+    if timer.watcher is not None:
+        timer.watcher.tried(
+            tried.step, tried.far, tried.near, tried.estimate.inliers, tried.evidence
+        )
 
 
 def _landmarks(pair: _Pair) -> LandmarkMatches:

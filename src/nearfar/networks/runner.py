@@ -1,5 +1,6 @@
 """Running a network on crops of an image."""
 
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +15,16 @@ if TYPE_CHECKING:
 
 
 def session(model: bytes) -> "onnxruntime.InferenceSession":
-    """ONNX Runtime on the CPU, with the same results every time."""
+    """ONNX Runtime on the CPU, with the same results every time and for any number of threads.
+
+    A number in the environment variable OMP_NUM_THREADS limits the threads, as it does for other
+    libraries; workers that share a machine have it.
+    """
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
+    threads = os.environ.get("OMP_NUM_THREADS", "")
+    options.intra_op_num_threads = int(threads) if threads.isdigit() else 0
     options.use_deterministic_compute = True
     options.log_severity_level = 3
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])

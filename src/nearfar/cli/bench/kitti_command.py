@@ -14,6 +14,7 @@ from nearfar.bench.tables import time_table
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases
 from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
+from nearfar.storage import staged
 
 PAPER_PAIRS = 40_748
 
@@ -60,8 +61,10 @@ def kitti_command(
     }
     for title, table in titles.items():
         console.print(f"{title}:\n\n{table}\n", markup=False)
-    for file in plot_kitti(rows, options.out):
-        console.print(f"saved {file}", markup=False)
+    with staged(options.out) as folder:
+        files = plot_kitti(rows, folder)
+    for file in files:
+        console.print(f"saved {options.out / file.name}", markup=False)
 
 
 def _counts(counts: PairCounts) -> str:

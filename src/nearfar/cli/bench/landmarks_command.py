@@ -49,6 +49,7 @@ def landmarks_command(
     sample: int = 0,
     weights: WeightOptions = (),
     jobs: int = 1,
+    scheduler: str | None = None,
     settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Measure how often descriptors find regions of the near image in the far one.
@@ -71,6 +72,7 @@ def landmarks_command(
         sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
         jobs: Local processes that share the work.
+        scheduler: Address of a Dask scheduler, whose workers do the work instead.
     """
     require("bench", "matplotlib")
     common = with_weights(settings, weights)
@@ -87,7 +89,7 @@ def landmarks_command(
         variants,
         out / "landmarks.jsonl",
         regions={each: counts[each] for each in searches},
-        workers=Workers(jobs),
+        workers=Workers(jobs, scheduler),
     )
     for each in searches:
         _report(each, tallies(rows, each), baseline, out, common.seed)

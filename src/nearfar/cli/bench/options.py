@@ -11,12 +11,12 @@ from cyclopts import Parameter
 from nearfar.bench.cases import Case
 from nearfar.bench.rows import Row
 from nearfar.bench.run import run
-from nearfar.bench.workers import Workers
-from nearfar.cli.options import WeightOptions, with_weights
+from nearfar.cli.options import Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
 from nearfar.extras import require
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
+from nearfar.storage import Url
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,11 +41,12 @@ _Names = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _RunOptions:
+class _RunOptions(Workplace):
     """What is compared, on how much, and where the work is done."""
 
-    out: Path
-    """Folder for the results; a run that was stopped goes on where it was."""
+    out: Place
+    """Folder, or URL of one (s3://BUCKET/PATH), for the results; a run that was stopped goes on
+    where it was."""
 
     method: _Names = ()
     """A method to compare; may be repeated."""
@@ -59,14 +60,19 @@ class _RunOptions:
     sample: int = 0
     """Use only so many cases, drawn with the seed of the settings; 0: all."""
 
-    jobs: int = 1
-    """Local processes that share the work."""
-
-    scheduler: str | None = None
-    """Address of a Dask scheduler, whose workers do the work instead."""
-
     features: Path | None = None
-    """Folder that keeps the features of images between processes and runs; default OUT/features."""
+    """Folder that keeps the features of images between processes and runs; default OUT/features,
+    where OUT is no URL."""
+
+    def local_out(self) -> Path:
+        """The folder for results where it has to be one that programs can open.
+
+        Raises:
+            SettingsError: it is a URL.
+        """
+        if isinstance(self.out, Url):
+            raise SettingsError("the images made here need a folder on a disk as --out, not a URL")
+        return self.out
 
 
 RunOptions = Annotated[_RunOptions, Parameter(name="*", group="Run")]
@@ -79,14 +85,14 @@ def run_cases(cases: list[Case], options: _RunOptions, settings: Settings, name:
         NearfarError: a name is unknown, weights are missing, or the workers cannot be reached.
     """
     require("bench", "matplotlib")
-    if options.jobs < 1:
-        raise SettingsError(f"--jobs must be at least 1, not {options.jobs}")
+    workers = options.begin()
+    local = options.out / "features" if isinstance(options.out, Path) else None
     return run(
         sampled(cases, options.sample, settings.seed),
         variants(settings, options),
         options.out / f"{name}.jsonl",
-        workers=Workers(options.jobs, options.scheduler),
-        features=options.features or options.out / "features",
+        workers=workers,
+        features=options.features or local,
     )
 
 

@@ -12,6 +12,7 @@ from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import success_table, time_table
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases, sampled
 from nearfar.cli.options import Flag
+from nearfar.storage import staged
 
 
 def pairs_command(
@@ -36,7 +37,7 @@ def pairs_command(
     """
     cases = sampled(find_pairs(folder), options.sample, settings.seed)
     if paper_size:
-        cases = resized_to_paper(cases, options.out / "cases")
+        cases = resized_to_paper(cases, options.local_out() / "cases")
     rows = run_cases(cases, options, settings, "pairs_1200x900" if paper_size else "pairs")
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     titles = {
@@ -49,4 +50,6 @@ def pairs_command(
     }
     for title, table in titles.items():
         console.print(f"{title}:\n\n{table}\n", markup=False)
-    console.print(f"saved {plot_pairs(rows, options.out)}", markup=False)
+    with staged(options.out) as folder:
+        file = plot_pairs(rows, folder)
+    console.print(f"saved {options.out / file.name}", markup=False)

@@ -81,7 +81,8 @@ def scale_curve_command(
     modes = [each for each in MODES if not mode or "all" in mode or each in mode]
     found = find_pairs(pairs)
     bases = base_pairs(found, sets)
-    plans = plan_cases(bases, options.out / "cases", modes=modes, factors=factors, seed=case_seed)
+    out = options.local_out()
+    plans = plan_cases(bases, out / "cases", modes=modes, factors=factors, seed=case_seed)
     cases = sampled([plan.case for plan in plans], options.sample, settings.seed)
     names = {case.name for case in cases}
     _make([plan for plan in plans if plan.case.name in names], backgrounds, found, bases, case_seed)
@@ -89,7 +90,7 @@ def scale_curve_command(
     for each in modes:
         own = [row for row in rows if row["tags"]["mode"] == each]
         if own:
-            _report(each, own, options.out, settings.seed)
+            _report(each, own, out, settings.seed)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("\nMedian seconds by stage:\n\n" + time_table(rows), markup=False)
 

@@ -30,7 +30,7 @@ def _features(found: MapLocalization) -> Iterator[dict[str, Any]]:
             continue
         yield {
             "type": "Feature",
-            "geometry": {"type": "Polygon", "coordinates": [_ring(seen.footprint)]},
+            "geometry": {"type": "Polygon", "coordinates": [ring(seen.footprint)]},
             "properties": {
                 "query": None if found.query is None else str(found.query),
                 "image": answer.image,
@@ -42,10 +42,10 @@ def _features(found: MapLocalization) -> Iterator[dict[str, Any]]:
         }
 
 
-def _ring(corners: WorldCoordinates) -> list[list[float]]:
+def ring(corners: WorldCoordinates) -> list[list[float]]:
     """A closed ring that runs counterclockwise, as the right-hand rule asks for."""
     x, y = (corners - corners.mean(axis=0)).T
     doubled_area = x @ np.roll(y, -1) - y @ np.roll(x, -1)
     ordered = corners if doubled_area > 0 else corners[::-1]
-    ring: list[list[float]] = np.vstack([ordered, ordered[:1]]).round(DECIMALS).tolist()
-    return ring
+    closed: list[list[float]] = np.vstack([ordered, ordered[:1]]).round(DECIMALS).tolist()
+    return closed

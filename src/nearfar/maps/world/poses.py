@@ -14,6 +14,7 @@ from nearfar.intrinsics import CameraIntrinsics
 from nearfar.maps.store import MapImage
 from nearfar.maps.world.places import PoseFormat
 from nearfar.maps.world.views import View
+from nearfar.storage import Location
 
 ROUNDING = 0.01
 """By how much rounded rotations may stretch."""
@@ -41,7 +42,7 @@ class Poses:
         self,
         world: str,
         camera: CameraIntrinsics,
-        files: Sequence[Path],
+        files: Sequence[Location],
         images: Sequence[MapImage | None],
     ) -> dict[int, View]:
         """The views of those map images that have a pose, by the image's id.

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import lancedb
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.intrinsics import CameraIntrinsics
+from nearfar.maps.database import connect, storage_safe
+from nearfar.storage import Location, storage_errors
 
 TABLE = "views"
 _SCHEMA = pa.schema(
@@ -73,9 +73,12 @@ class ViewStore:
         folder: of a map that exists.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._database: Any = lancedb.connect(folder)
+    def __init__(self, folder: Location) -> None:
+        self.folder = folder
+        with storage_errors(folder):
+            self._database = connect(folder)
 
+    @storage_safe
     def get(self, images: Sequence[int]) -> dict[int, View]:
         """The views of those of some images that have one, by the image's id."""
         table = self._table()
@@ -84,6 +87,15 @@ class ViewStore:
         rows = table.search().where(f"image IN ({', '.join(map(str, images))})").to_list()
         return {row["image"]: _view(row) for row in rows}
 
+    @storage_safe
+    def ids(self) -> set[int]:
+        """The images that have a view, by id."""
+        table = self._table()
+        if table is None:
+            return set()
+        return {row["image"] for row in table.search().select(["image"]).to_list()}
+
+    @storage_safe
     def put(self, views: Mapping[int, View]) -> None:
         """Add views by the image's id, or replace those of the same images, all together.
 
@@ -100,7 +112,8 @@ class ViewStore:
     def _table(self) -> Any:
         """The table; None before the first view is there."""
         try:
-            return self._database.open_table(TABLE)
+            with storage_errors(self.folder):
+                return self._database.open_table(TABLE)
         except (FileNotFoundError, ValueError):  # Which one depends on LanceDB's version.
             return None
 

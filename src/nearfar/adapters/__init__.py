@@ -1,0 +1,1 @@
+"""nearfar under the calling conventions of other packages, none of which is needed here."""

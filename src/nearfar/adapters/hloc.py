@@ -1,0 +1,64 @@
+"""nearfar in the place of hloc's `match_dense`. Needs the extra `export`; hloc is not needed."""
+
+from pathlib import Path
+from typing import Any
+
+from nearfar.errors import ExportError
+from nearfar.estimators import ModelKind
+from nearfar.exports.hloc_files import NamedLocalization, write_hloc
+from nearfar.exports.subject import Subject
+from nearfar.extras import require
+from nearfar.localizer import Localizer
+
+
+def match_pairs(
+    pairs: Path,
+    image_dir: Path,
+    features: Path,
+    matches: Path,
+    *,
+    model: ModelKind = "fundamental",
+    **options: Any,
+) -> tuple[Path, Path]:
+    """Match pairs of images and write hloc's files of features and of matches.
+
+    Args:
+        pairs: hloc's list of pairs, two names a line; the first is taken as the near image (the
+            query), the second as the far one. A pair that was before, either way, is left out.
+        image_dir: folder that the names are relative to.
+        features: HDF5 file to write; see `nearfar.exports.hloc_files`.
+        matches: the same.
+        model: what the matches are scored by, 1 or 0: a fundamental matrix for scenes with depth.
+        **options: `Settings` by name, e.g. method="sift-tuned".
+
+    Returns:
+        `features` and `matches`, as of `match_dense.main`.
+
+    Raises:
+        ExportError: a line of the list is no pair, or an image is displayed turned by its EXIF.
+        NearfarError: an image, the settings or the weights are not valid.
+        OSError: a file cannot be read or written.
+    """
+    require("export", "h5py")
+    localizer = Localizer(**options)
+    found = []
+    for near, far in _read_pairs(pairs):
+        localization = localizer.localize(image_dir / far, image_dir / near, model=model)
+        names = Subject(localization, far=far, near=near).names
+        found.append(NamedLocalization(names, localization))
+    write_hloc(found, features, matches)
+    return features, matches
+
+
+def _read_pairs(file: Path) -> list[tuple[str, str]]:
+    pairs: list[tuple[str, str]] = []
+    for line in file.read_text(encoding="utf-8").splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if len(words) != 2:
+            raise ExportError(f"{file} needs two names of images a line, not {line!r}")
+        first, second = words
+        if not {(first, second), (second, first)} & set(pairs):
+            pairs.append((first, second))
+    return pairs

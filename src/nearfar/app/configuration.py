@@ -1,0 +1,81 @@
+"""What the app is started with."""
+
+import ipaddress
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+MEGABYTE = 1_000_000
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What keeps memory, disk and time bounded, whatever is sent.
+
+    Attributes:
+        upload_bytes: of one image that is sent.
+        body_bytes: of any other request.
+        stored_bytes: of all images that were sent and are kept.
+        pixels: of an image.
+        requests: that are served at a time.
+        uploads: that are received at a time.
+        waiting_jobs: in the queue.
+        kept_jobs: that are remembered; the oldest that has ended makes room.
+        annotations: that are remembered.
+        job_seconds: after which a job is ended.
+        stall_seconds: without a byte after which an upload is given up.
+    """
+
+    upload_bytes: int = 200 * MEGABYTE
+    body_bytes: int = MEGABYTE
+    stored_bytes: int = 4000 * MEGABYTE
+    pixels: int = 100_000_000
+    requests: int = 48
+    uploads: int = 3
+    waiting_jobs: int = 12
+    kept_jobs: int = 200
+    annotations: int = 2000
+    job_seconds: float = 900.0
+    stall_seconds: float = 20.0
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What the app is started with.
+
+    Attributes:
+        folders: whose images, maps and results may be opened.
+        data: folder in which the app keeps what was sent to it, jobs and annotations.
+        host: address to listen at.
+        token: that every request must bring; None: none is needed.
+        limits: see there.
+    """
+
+    folders: tuple[Path, ...]
+    data: Path
+    host: str = "127.0.0.1"
+    token: str | None = None
+    limits: Limits = Limits()
+
+    @property
+    def local(self) -> bool:
+        """Whether only this machine can connect."""
+        return is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address to listen at can be reached from this machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def default_data() -> Path:
+    """$NEARFAR_APP_DATA, or the system's folder for a user's data."""
+    import platformdirs
+
+    named = os.environ.get("NEARFAR_APP_DATA")
+    return Path(named) if named else platformdirs.user_data_path("nearfar", False) / "app"

@@ -1,0 +1,158 @@
+"""Annotations in the layouts that `nearfar bench pairs` reads."""
+
+import json
+import os
+import shutil
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from fastapi import HTTPException
+
+from nearfar.app.annotation import LEAST, agreement, arrays
+from nearfar.app.annotations import Annotation
+from nearfar.app.files import write_whole
+from nearfar.app.renditions import Renditions
+from nearfar.arrays import Coordinates
+from nearfar.geometry.scale import scale_change
+from nearfar.image import FORMATS
+
+_SUFFIX = {"JPEG": ".jpg", "PNG": ".png", "TIFF": ".tif", "WEBP": ".webp", "BMP": ".bmp"}
+
+
+@dataclass(frozen=True)
+class Images:
+    """The files of an annotation's images."""
+
+    far: Path
+    near: Path
+
+
+def pair_json(annotation: Annotation, far: str, near: str) -> str:
+    """The content of `pair.json`.
+
+    Args:
+        annotation: with points enough for its model.
+        far: path of the far image relative to the folder of the file.
+        near: the same of the near image.
+
+    Raises:
+        HTTPException: 409, there are too few points.
+    """
+    far_points, near_points = checked_points(annotation)
+    content: dict[str, Any] = {
+        "name": annotation.name,
+        "far": far,
+        "near": near,
+        "far_points": _rounded(far_points),
+        "near_points": _rounded(near_points),
+        "model": annotation.model,
+        "scale_change": scale_change(far_points, near_points),
+        "ground_truth": "hand",
+    }
+    if annotation.model == "homography":
+        said = agreement(annotation.points)
+        content["homography"] = said.homography
+        content["ste"] = said.ste
+    return json.dumps(content, indent=1) + "\n"
+
+
+def write_pair_zip(annotation: Annotation, images: Images, out: Path) -> None:
+    """Write `NAME/pair.json` and both images, as they are, into a ZIP file."""
+    far, near = f"far{_suffix(images.far)}", f"near{_suffix(images.near)}"
+    description = pair_json(annotation, far, near)
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(f"{annotation.name}/pair.json", description)
+        archive.write(images.far, f"{annotation.name}/{far}")
+        archive.write(images.near, f"{annotation.name}/{near}")
+
+
+def write_paper_zip(
+    annotation: Annotation, images: Images, renditions: Renditions, out: Path
+) -> None:
+    """Write the authors' layout into a ZIP file: `NAME/1.png`, `2.png` and `1_to_2.yaml`.
+
+    Points are shares of width and height, counted from the outer edge of the image.
+    """
+    points = checked_points(annotation)
+    shares = {
+        name: _rounded((xy + 0.5) / np.array(size), 8)
+        for name, xy, size in zip(
+            ("1", "2"), points, (annotation.far_size, annotation.near_size), strict=True
+        )
+    }
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(f"{annotation.name}/1_to_2.yaml", yaml.safe_dump(shares))
+        for name, file in (("1", images.far), ("2", images.near)):
+            archive.writestr(f"{annotation.name}/{name}.png", renditions.png(file))
+
+
+def add_to_benchmark(
+    annotation: Annotation, images: Images, folder: Path, *, replace: bool
+) -> Path:
+    """Write `NAME/pair.json` into a benchmark folder.
+
+    Images that lie in the folder are named where they are; others are copied beside the file.
+
+    Args:
+        annotation: with points enough.
+        images: its images.
+        folder: of the benchmark.
+        replace: whether a pair of that name may be replaced.
+
+    Returns:
+        The file written.
+
+    Raises:
+        HTTPException: 409, there are too few points, or there is a pair of that name.
+        OSError: the folder cannot be written to.
+    """
+    checked_points(annotation)
+    pair = folder / annotation.name
+    if pair.is_symlink():
+        raise HTTPException(409, f"{annotation.name} is a link: choose another name")
+    if (pair / "pair.json").exists() and not replace:
+        raise HTTPException(409, f"{folder.name} has a pair {annotation.name} already")
+    names = {}
+    for role, file in (("far", images.far), ("near", images.near)):
+        if file.is_relative_to(folder):
+            names[role] = Path(os.path.relpath(file, pair)).as_posix()
+        else:
+            pair.mkdir(exist_ok=True)
+            names[role] = f"{role}{_suffix(file)}"
+            shutil.copyfile(file, pair / names[role])
+    out = pair / "pair.json"
+    write_whole(out, pair_json(annotation, names["far"], names["near"]).encode())
+    out.chmod(0o644)
+    return out
+
+
+def checked_points(annotation: Annotation) -> tuple[Coordinates, Coordinates]:
+    """(N, 2) far and near points.
+
+    Raises:
+        HTTPException: 409, there are too few for the model.
+    """
+    far, near = arrays(annotation.points)
+    least = LEAST if annotation.model == "homography" else 1
+    if len(far) < least:
+        raise HTTPException(
+            409, f"mark at least {least} points in both images first; there are {len(far)}"
+        )
+    return far, near
+
+
+def _suffix(file: Path) -> str:
+    """Of the format that the content of an image is in."""
+    from PIL import Image as PillowImage
+
+    with PillowImage.open(file, formats=FORMATS) as opened:
+        return _SUFFIX.get(opened.format or "", ".ppm")
+
+
+def _rounded(xy: Coordinates, digits: int = 4) -> list[list[float]]:
+    rounded: list[list[float]] = np.round(xy, digits).tolist()
+    return rounded

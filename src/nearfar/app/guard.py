@@ -1,0 +1,158 @@
+"""What is checked of every request before anything else sees it."""
+
+import secrets
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+from fastapi import HTTPException
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from nearfar.app.configuration import Configuration
+
+COOKIE = "nearfar-token"
+UPLOADS = "/api/images"
+"""Where images are sent to, which may be large."""
+
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_LOOPBACK = {"127.0.0.1", "localhost", "::1"}
+
+
+class Guard:
+    """Refuses requests of other sites, without the token, or too many or too large ones.
+
+    Args:
+        app: what answers the others.
+        configuration: host, token and limits.
+    """
+
+    def __init__(self, app: ASGIApp, configuration: Configuration) -> None:
+        self._app = app
+        self._configuration = configuration
+        self._under_way = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers[name] = value
+                headers.setdefault("Cache-Control", "no-store")
+            await send(message)
+
+        refusal = self._refusal(scope)
+        if refusal is not None:
+            await refusal(scope, receive, send_guarded)
+            return
+        self._under_way += 1
+        try:
+            limited = _Limited(receive, self._most_bytes(scope))
+            await self._app(scope, limited, send_guarded)
+        finally:
+            self._under_way -= 1
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        headers = Headers(scope=scope)
+        if self._under_way >= self._configuration.limits.requests:
+            return _refused(503, "too many requests at a time: try again", {"Retry-After": "1"})
+        if self._configuration.local and _host_name(headers.get("host", "")) not in _LOOPBACK:
+            return _refused(421, "this server answers to the name of this machine only")
+        if not _same_origin(headers, scope["path"]):
+            return _refused(403, "requests of other sites are refused")
+        entrance = self._entrance(scope, headers)
+        if entrance is not None:
+            return entrance
+        length = headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit():
+            return _refused(400, "the length of the request is not a number")
+        if int(length[:20]) > self._most_bytes(scope):
+            return _refused(413, "the request is too large")
+        return None
+
+    def _entrance(self, scope: Scope, headers: Headers) -> Response | None:
+        """Nothing for those who have the token; for others a refusal, or the cookie with it."""
+        token = self._configuration.token
+        if token is None or any(_equal(given, token) for given in _given(headers)):
+            return None
+        asked = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if scope["path"] == "/" and _equal(asked, token):
+            response = RedirectResponse("/", 303)
+            response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+            return response
+        return _refused(401, "open the address that nearfar app has printed, with its token")
+
+    def _most_bytes(self, scope: Scope) -> int:
+        limits = self._configuration.limits
+        sending = scope["method"] == "POST" and scope["path"] == UPLOADS
+        return limits.upload_bytes if sending else limits.body_bytes
+
+
+class _Limited:
+    """Receives a body, up to a number of bytes."""
+
+    def __init__(self, receive: Receive, left: int) -> None:
+        self._receive = receive
+        self._left = left
+
+    async def __call__(self) -> Message:
+        message = await self._receive()
+        self._left -= len(message.get("body", b""))
+        if self._left < 0:
+            raise HTTPException(413, "the request is too large")
+        return message
+
+
+def _same_origin(headers: Headers, path: str) -> bool:
+    """Whether a request comes from a page of this server, or from no page at all."""
+    origin = headers.get("origin")
+    if origin is not None:
+        try:
+            return urlsplit(origin).netloc == headers.get("host") and origin != "null"
+        except ValueError:
+            return False
+    site = headers.get("sec-fetch-site", "none")
+    return site in ("same-origin", "none") or not path.startswith("/api/")
+
+
+def _given(headers: Headers) -> list[str]:
+    """Tokens that a request brings."""
+    given = []
+    scheme, _, value = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer":
+        given.append(value.strip())
+    try:
+        cookies = SimpleCookie(headers.get("cookie", ""))
+    except CookieError:
+        return given
+    return given + ([cookies[COOKIE].value] if COOKIE in cookies else [])
+
+
+def _equal(given: str, token: str) -> bool:
+    return secrets.compare_digest(given.encode(), token.encode())
+
+
+def _host_name(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+def _refused(status: int, detail: str, headers: dict[str, str] | None = None) -> Response:
+    return JSONResponse({"detail": detail}, status, headers)

@@ -1,0 +1,199 @@
+"""Jobs on disk, so that they outlive a reload of the page and an end of the server."""
+
+import json
+import re
+import secrets
+import shutil
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from fastapi import HTTPException
+from pydantic import Field, ValidationError
+
+from nearfar.app.files import write_whole
+from nearfar.app.tasks import Effort, Message
+
+_ID = re.compile(r"[0-9a-f]{16}")
+Reference = Annotated[str, Field(max_length=4000)]
+Status = Literal["waiting", "running", "done", "failed", "cancelled", "interrupted"]
+
+
+class LocalizeRequest(Message):
+    """Localize a pair; images are given by reference.
+
+    Attributes:
+        far: the far image.
+        near: the near image.
+        model: kind of model.
+        max_effort: the last step to try.
+    """
+
+    kind: Literal["localize"] = "localize"
+    far: Reference
+    near: Reference
+    model: Literal["homography", "fundamental"] = "homography"
+    max_effort: Effort = "views"
+
+
+class LocateRequest(Message):
+    """Locate an image in a map; both are given by reference.
+
+    Attributes:
+        folder: of the map.
+        query: the image.
+        top: answers that are sought.
+        verify: places that are looked at.
+    """
+
+    kind: Literal["locate"] = "locate"
+    folder: Reference
+    query: Reference
+    top: int = Field(default=3, ge=1, le=10)
+    verify: int = Field(default=5, ge=1, le=20)
+
+
+JobRequest = Annotated[LocalizeRequest | LocateRequest, Field(discriminator="kind")]
+
+
+class StepProgress(Message):
+    """The best that a step of the method has found so far.
+
+    Attributes:
+        name: of the step.
+        matches: that it had.
+        agreeing: matches that agree with its model.
+    """
+
+    name: str
+    matches: int
+    agreeing: int
+
+
+class Job(Message):
+    """A job and how it stands.
+
+    Attributes:
+        id: 16 hexadecimal digits.
+        request: what is to be done.
+        names: of the images and the map, to show.
+        status: "interrupted": the server ended before the job did.
+        created: seconds since 1970.
+        started: the same.
+        ended: the same.
+        stage: what is being done.
+        stages: what has been begun, in that order.
+        steps: what has been tried, in that order.
+        error: why it failed; a pair that is not found is no failure.
+        summary: the answer in a few words.
+        found: whether the answer is a place.
+    """
+
+    id: str
+    request: JobRequest
+    names: tuple[str, ...]
+    status: Status = "waiting"
+    created: float
+    started: float | None = None
+    ended: float | None = None
+    stage: str | None = None
+    stages: tuple[str, ...] = ()
+    steps: tuple[StepProgress, ...] = ()
+    error: str | None = None
+    summary: str = ""
+    found: bool = False
+
+    @property
+    def active(self) -> bool:
+        """Whether it waits or runs."""
+        return self.status in ("waiting", "running")
+
+    def with_(self, **changes: Any) -> "Job":
+        """A copy with some values changed."""
+        return self.model_copy(update=changes)
+
+
+class JobStore:
+    """A folder with one folder for each job.
+
+    Args:
+        folder: made where missing; jobs that were waiting or running are interrupted now.
+        most: jobs that are kept.
+    """
+
+    def __init__(self, folder: Path, most: int) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._most = most
+        self._jobs: dict[str, Job] = {}
+        for job in sorted(_read_all(folder), key=lambda each: each.created):
+            self._jobs[job.id] = job
+            if job.active:
+                self.save(job.with_(status="interrupted", ended=time.time(), stage=None))
+
+    def all(self) -> list[Job]:
+        """The newest first."""
+        return sorted(self._jobs.values(), key=lambda job: -job.created)
+
+    def get(self, job_id: str) -> Job:
+        """A job.
+
+        Raises:
+            HTTPException: 404, there is none.
+        """
+        if job_id not in self._jobs:
+            raise HTTPException(404, "there is no such job")
+        return self._jobs[job_id]
+
+    def create(self, request: LocalizeRequest | LocateRequest, names: Iterable[str]) -> Job:
+        """A new job that waits."""
+        self._make_room()
+        job = Job(id=secrets.token_hex(8), request=request, names=tuple(names), created=time.time())
+        self.save(job)
+        return job
+
+    def note(self, job: Job) -> None:
+        """Remember how a job stands; not on disk."""
+        self._jobs[job.id] = job
+
+    def save(self, job: Job) -> None:
+        """Remember how a job stands, on disk too."""
+        self._jobs[job.id] = job
+        write_whole(self._folder / job.id / "job.json", job.model_dump_json().encode())
+
+    def result_file(self, job: Job) -> Path:
+        """Where its answer is."""
+        return self._folder / job.id / "result.json"
+
+    def result(self, job_id: str) -> dict[str, Any]:
+        """The answer of a job.
+
+        Raises:
+            HTTPException: 404, there is no such job, or no answer of it.
+        """
+        try:
+            text = self.result_file(self.get(job_id)).read_text(encoding="utf-8")
+            content: dict[str, Any] = json.loads(text)
+            return content
+        except (OSError, ValueError):
+            raise HTTPException(404, "this job has no answer") from None
+
+    def delete(self, job_id: str) -> None:
+        """Forget a job and its answer."""
+        del self._jobs[self.get(job_id).id]
+        shutil.rmtree(self._folder / job_id, ignore_errors=True)
+
+    def _make_room(self) -> None:
+        ended = [job for job in reversed(self.all()) if not job.active]
+        for job in ended[: max(0, len(self._jobs) + 1 - self._most)]:
+            self.delete(job.id)
+
+
+def _read_all(folder: Path) -> Iterable[Job]:
+    for inner in folder.iterdir():
+        if _ID.fullmatch(inner.name):
+            try:
+                yield Job.model_validate_json((inner / "job.json").read_bytes())
+            except (OSError, ValidationError):
+                shutil.rmtree(inner, ignore_errors=True)

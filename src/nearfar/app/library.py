@@ -1,0 +1,235 @@
+"""Names for the files that the app may open, and nothing else.
+
+A reference is `folder/KEY/PATH`, a file in a folder that the app was started with, or
+`upload/SHA256`, an image that was sent to it. Requests name files by references only. KEY tells the
+folder's place on the disk, so that a reference that was kept never means another file.
+"""
+
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fastapi import HTTPException
+from PIL import Image as PillowImage
+
+from nearfar.app.uploads import Uploads
+from nearfar.image import FORMATS
+from nearfar.maps.manifest import FILE as MAP_FILE
+
+MOST_ENTRIES = 2000
+"""Entries of a folder that are listed."""
+MOST_SEARCHED = 20_000
+"""Entries that are looked at for maps or results in all folders."""
+
+FolderKind = Literal["folder", "map", "run"]
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder that can be opened.
+
+    Attributes:
+        ref: its reference.
+        name: to show.
+        kind: "map" and "run" (results of a benchmark) are recognized by the files in them.
+    """
+
+    ref: str
+    name: str
+    kind: FolderKind
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """An image that can be opened."""
+
+    ref: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Listing:
+    """What is in a folder.
+
+    Attributes:
+        ref: of the folder; empty for the list of all served folders.
+        parents: the folders above it, outermost first, and itself.
+        folders: in it.
+        images: in it.
+        complete: False where there are more entries than are listed.
+    """
+
+    ref: str
+    parents: tuple[Folder, ...]
+    folders: tuple[Folder, ...]
+    images: tuple[ImageFile, ...]
+    complete: bool
+
+
+class Library:
+    """The folders that the app was started with, and the uploads.
+
+    Args:
+        folders: the folders.
+        uploads: the images that were sent.
+    """
+
+    def __init__(self, folders: Sequence[Path], uploads: Uploads) -> None:
+        self._roots = {_key(folder.resolve()): folder.resolve() for folder in folders}
+        self._uploads = uploads
+        known = PillowImage.registered_extensions()
+        self._suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
+
+    def file(self, ref: str) -> Path:
+        """The file of a reference.
+
+        Raises:
+            HTTPException: 404, there is none, or it lies outside the served folders.
+        """
+        path = self._path(ref)
+        if not path.is_file():
+            raise _missing(ref)
+        return path
+
+    def folder(self, ref: str) -> Path:
+        """The folder of a reference.
+
+        Raises:
+            HTTPException: 404, there is none, or it lies outside the served folders.
+        """
+        path = self._path(ref)
+        if not path.is_dir():
+            raise _missing(ref)
+        return path
+
+    def name(self, ref: str) -> str:
+        """What to call a file."""
+        kind, _, rest = ref.partition("/")
+        if kind == "upload":
+            return self._uploads.name(rest)
+        return rest.rpartition("/")[2] if "/" in rest else self._parents(ref)[0].name
+
+    def reference(self, path: Path) -> str | None:
+        """The reference of a file or folder; None where it lies outside the served folders."""
+        resolved = path.resolve()
+        for root in self._roots.values():
+            if resolved.is_relative_to(root):
+                return _reference(root, resolved)
+        return None
+
+    def without_places(self, text: str) -> str:
+        """A message without the folders of this machine that stand in it."""
+        for folder in (*self._roots.values(), self._uploads.folder):
+            text = text.replace(f"{folder}/", "").replace(str(folder), _root_name(folder))
+        return text
+
+    def listing(self, ref: str) -> Listing:
+        """What is in a folder; for an empty reference the served folders.
+
+        Raises:
+            HTTPException: 404, there is no such folder.
+        """
+        if not ref:
+            roots = [
+                Folder(_reference(root, root), _root_name(root), _kind(root))
+                for root in self._roots.values()
+            ]
+            return Listing("", (), tuple(roots), (), complete=True)
+        path = self.folder(ref)
+        folders, images = [], []
+        entries = list(_visible(path, MOST_ENTRIES + 1))
+        for entry in sorted(entries[:MOST_ENTRIES], key=lambda each: each.name.lower()):
+            inside = f"{ref}/{entry.name}"
+            if entry.is_dir():
+                folders.append(Folder(inside, entry.name, _kind(Path(entry.path))))
+            elif Path(entry.name).suffix.lower() in self._suffixes:
+                images.append(ImageFile(inside, entry.name))
+        complete = len(entries) <= MOST_ENTRIES
+        return Listing(ref, self._parents(ref), tuple(folders), tuple(images), complete)
+
+    def find(self, kind: FolderKind) -> list[Folder]:
+        """All folders of a kind in the served folders, as far as those are searched."""
+        found, left = [], MOST_SEARCHED
+        for root in self._roots.values():
+            waiting = [root]
+            while waiting and left > 0:
+                path = waiting.pop(0)
+                own = _kind(path)
+                if own == kind:
+                    name = _root_name(root) if path == root else str(path.relative_to(root))
+                    found.append(Folder(_reference(root, path), name, own))
+                if own != "map":
+                    entries = list(_visible(path, left))
+                    left -= len(entries) + 1
+                    inner = sorted(entry.path for entry in entries if entry.is_dir())
+                    waiting += map(Path, inner)
+        return found
+
+    def _parents(self, ref: str) -> tuple[Folder, ...]:
+        _, key, *parts = ref.split("/")
+        parents = [Folder(f"folder/{key}", _root_name(self._roots[key]), "folder")]
+        for part in parts:
+            parents.append(Folder(f"{parents[-1].ref}/{part}", part, "folder"))
+        return tuple(parents)
+
+    def _path(self, ref: str) -> Path:
+        kind, _, rest = ref.partition("/")
+        if kind == "upload":
+            return self._uploads.file(rest)
+        key, *parts = rest.split("/")
+        root = self._roots.get(key)
+        if kind != "folder" or root is None or not all(map(_plain, parts)):
+            raise _missing(ref)
+        try:
+            path = root.joinpath(*parts).resolve()
+        except (OSError, RuntimeError, ValueError):
+            raise _missing(ref) from None
+        # A link may lead out of the folder.
+        if not path.is_relative_to(root):
+            raise _missing(ref)
+        return path
+
+
+def _plain(part: str) -> bool:
+    """Whether a part of a path names an entry of a folder that is not hidden."""
+    return bool(part) and not part.startswith(".") and not set(part) & {"\\", "\0", ":"}
+
+
+def _visible(folder: Path, most: int) -> Iterator[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if most <= 0:
+                    return
+                if _plain(entry.name) and not entry.is_symlink():
+                    most -= 1
+                    yield entry
+    except OSError:
+        return
+
+
+def _kind(folder: Path) -> FolderKind:
+    if (folder / MAP_FILE).is_file():
+        return "map"
+    return "run" if (folder / "run.json").is_file() else "folder"
+
+
+def _key(root: Path) -> str:
+    return hashlib.sha256(str(root).encode()).hexdigest()[:10]
+
+
+def _reference(root: Path, path: Path) -> str:
+    return "/".join(("folder", _key(root), *path.relative_to(root).parts))
+
+
+def _root_name(folder: Path) -> str:
+    return folder.name or str(folder)
+
+
+def _missing(ref: str) -> HTTPException:
+    return HTTPException(
+        404, f"there is no {ref.rpartition('/')[2][:100]!r} in the folders that the app serves"
+    )

@@ -1,0 +1,133 @@
+"""Images as a browser shows them: reduced, or seen through a homography."""
+
+import io
+import threading
+from pathlib import Path
+
+import numpy as np
+from cachetools import LRUCache
+from PIL import Image as PillowImage
+
+from nearfar.app.configuration import Limits
+from nearfar.arrays import Matrix3
+from nearfar.image import Image, read_image, reduced_size
+from nearfar.maps.raster import open_raster, tiff_header
+from nearfar.maps.sources import Tile
+from nearfar.pictures.view import rendered
+
+LONGEST = 6000
+"""Longest side of a picture to look at, in pixels."""
+THUMBNAIL = 320
+LARGEST_FRAME = 3000
+"""Longest side of a frame into which an image is warped."""
+_CACHE_BYTES = 400_000_000
+_ENCODED_BYTES = 60_000_000
+
+_Key = tuple[str, int, int]
+
+
+class Renditions:
+    """Pictures of image files; one file is decoded at a time, and the last are remembered.
+
+    Args:
+        limits: the most pixels of an image.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._lock = threading.Lock()
+        self._images: LRUCache[_Key, Image] = LRUCache(
+            _CACHE_BYTES, lambda image: image.pixels.nbytes
+        )
+        self._encoded: LRUCache[tuple[_Key, int], bytes] = LRUCache(_ENCODED_BYTES, len)
+
+    def size(self, file: Path) -> tuple[int, int]:
+        """Width and height of an image as displayed, in pixels.
+
+        Raises:
+            ImageError: it cannot be read, or has too many pixels.
+        """
+        image = self._image(file)
+        return image.width, image.height
+
+    def jpeg(self, file: Path, longest: int) -> bytes:
+        """The image reduced so that neither side exceeds `longest`.
+
+        Raises:
+            ImageError: it cannot be read, or has too many pixels.
+        """
+        key = _key(file), longest
+        with self._lock:
+            known = self._encoded.get(key)
+        if known is not None:
+            return known
+        image = self._image(file)
+        picture = PillowImage.fromarray(image.pixels)
+        picture.thumbnail(reduced_size(*picture.size, longest), PillowImage.Resampling.BOX)
+        encoded = _encoded(picture, "JPEG", quality=92, subsampling=0)
+        with self._lock:
+            if len(encoded) <= _ENCODED_BYTES:
+                self._encoded[key] = encoded
+        return encoded
+
+    def warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
+        """The image in a frame of another, transparent where it is not, as WebP.
+
+        Args:
+            file: the image.
+            frame_from_image: homography, pixels of the original image to pixels of the frame.
+            width: of the frame.
+            height: of the frame.
+
+        Raises:
+            ImageError: it cannot be read, or has too many pixels.
+        """
+        image = self._image(file)
+        with self._lock:
+            pixels, cover = rendered(image, frame_from_image, width, height)
+        alpha = np.rint(cover * 255).astype(np.uint8)
+        picture = PillowImage.fromarray(np.dstack([pixels, alpha]))
+        return _encoded(picture, "WEBP", quality=90, method=1)
+
+    def png(self, file: Path) -> bytes:
+        """The whole image as displayed, without loss.
+
+        Raises:
+            ImageError: it cannot be read, or has too many pixels.
+        """
+        with self._lock:
+            image = read_image(file, max_pixels=self._limits.pixels)
+            return _encoded(PillowImage.fromarray(image.pixels), "PNG")
+
+    def _image(self, file: Path) -> Image:
+        """The image reduced to the size at which it is looked at."""
+        key = _key(file)
+        with self._lock:
+            known = self._images.get(key)
+            if known is not None:
+                return known
+            image = self._read(file)
+            if image.pixels.nbytes <= _CACHE_BYTES:
+                self._images[key] = image
+            return image
+
+    def _read(self, file: Path) -> Image:
+        most = self._limits.pixels
+        header = tiff_header(file)
+        if header is None or header.width * header.height <= most:
+            return read_image(file, max_size=LONGEST, max_pixels=most)
+        raster = open_raster(file)
+        columns, rows = reduced_size(raster.width, raster.height, LONGEST)
+        whole = Tile(0, 0, raster.width, raster.height, columns, rows)
+        return Image(raster.read(whole), raster.width, raster.height, file)
+
+
+def _key(file: Path) -> _Key:
+    status = file.stat()
+    return str(file), status.st_mtime_ns, status.st_size
+
+
+def _encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:
+    out = io.BytesIO()
+    picture.save(out, kind, **options)
+    return out.getvalue()

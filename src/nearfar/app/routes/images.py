@@ -1,0 +1,89 @@
+"""Folders that are served, images in them and images that are sent."""
+
+import asyncio
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, HTTPException, Query, Request, Response
+
+from nearfar.app.library import Folder, FolderKind, Listing
+from nearfar.app.renditions import LARGEST_FRAME, LONGEST, THUMBNAIL
+from nearfar.app.routes import Held
+from nearfar.errors import NearfarError
+
+router = APIRouter(prefix="/api")
+
+Reference = Annotated[str, Query(max_length=4000)]
+_KEPT = {"Cache-Control": "private, max-age=3600"}
+Element = Annotated[float, Query(allow_inf_nan=False)]
+
+
+@dataclass(frozen=True)
+class ImageInfo:
+    """An image; width and height in pixels of the original as displayed."""
+
+    ref: str
+    name: str
+    width: int
+    height: int
+
+
+@router.get("/folders")
+def list_folder(held: Held, ref: Reference = "") -> Listing:
+    """What is in a served folder; all served folders where none is named."""
+    return held.library.listing(ref)
+
+
+@router.get("/find")
+def find_folders(held: Held, kind: Literal["map", "run"]) -> list[Folder]:
+    """All maps, or folders of results, in the served folders."""
+    wanted: FolderKind = kind
+    return held.library.find(wanted)
+
+
+@router.post("/images", status_code=201)
+async def send_image(
+    request: Request, held: Held, name: Annotated[str, Query(max_length=500)]
+) -> ImageInfo:
+    """Take the bytes of an image file; it is kept if it is one."""
+    incoming = await held.uploads.receive(name, aiter(request.stream()))
+    try:
+        width, height = await asyncio.to_thread(held.renditions.size, incoming)
+    except NearfarError as error:
+        incoming.unlink(missing_ok=True)
+        raise HTTPException(422, str(error).replace(str(incoming), name)) from None
+    upload = held.uploads.keep(name, incoming)
+    return ImageInfo(f"upload/{upload.digest}", upload.name, width, height)
+
+
+@router.get("/images/info")
+def image_info(held: Held, ref: Reference) -> ImageInfo:
+    """Name and size of an image."""
+    width, height = held.renditions.size(held.library.file(ref))
+    return ImageInfo(ref, held.library.name(ref), width, height)
+
+
+@router.get("/images/picture")
+def image_picture(held: Held, ref: Reference, *, thumbnail: bool = False) -> Response:
+    """The image to look at, reduced where it is very large."""
+    longest = THUMBNAIL if thumbnail else LONGEST
+    picture = held.renditions.jpeg(held.library.file(ref), longest)
+    return Response(picture, media_type="image/jpeg", headers=_KEPT)
+
+
+@router.get("/images/warped")
+def image_warped(
+    held: Held,
+    ref: Reference,
+    h: Annotated[list[Element], Query(min_length=9, max_length=9)],
+    width: Annotated[int, Query(ge=1, le=LARGEST_FRAME)],
+    height: Annotated[int, Query(ge=1, le=LARGEST_FRAME)],
+) -> Response:
+    """The image in a frame of another; `h` are the rows of the homography to its pixels."""
+    frame_from_image = np.array(h).reshape(3, 3)
+    singular = np.linalg.svd(frame_from_image, compute_uv=False)
+    if not singular[2] > 1e-12 * singular[0]:
+        raise HTTPException(422, "the homography cannot be inverted")
+    picture = held.renditions.warped(held.library.file(ref), frame_from_image, width, height)
+    return Response(picture, media_type="image/webp", headers=_KEPT)

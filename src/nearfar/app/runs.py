@@ -1,0 +1,154 @@
+"""The rows of a folder of benchmark results, as a table."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fastapi import HTTPException
+
+from nearfar.app.configuration import MEGABYTE
+from nearfar.app.library import Library
+from nearfar.bench.report.load import Result, load_benchmarks, load_record
+
+LARGEST = 200 * MEGABYTE
+"""Bytes of result files that are read."""
+MOST_ROWS = 20_000
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One case and method, for the table and the viewer.
+
+    Attributes:
+        benchmark: name of the benchmark.
+        case: name of the case.
+        group: what results are summed up by.
+        method: with its descriptor.
+        model: kind of model.
+        status: "localized", "failed" or "error".
+        right: whether the answer is right by the strict limit.
+        error: in pixels, or degrees of a pose.
+        confidence: of the answer.
+        scale_change: the estimate's.
+        true_scale_change: of the case.
+        inliers: matches that agree.
+        matches: point matches.
+        seconds: in all.
+        reason: why there is no answer.
+        step: what found the answer.
+        far: reference of the far image; None where it is not in a served folder.
+        near: the same of the near image.
+        homography: maps near to far pixels; None for other models.
+        licence: of the images.
+    """
+
+    benchmark: str
+    case: str
+    group: str
+    method: str
+    model: str
+    status: str
+    right: bool
+    error: float | None
+    confidence: float | None
+    scale_change: float | None
+    true_scale_change: float | None
+    inliers: int | None
+    matches: int | None
+    seconds: float | None
+    reason: str | None
+    step: str | None
+    far: str | None
+    near: str | None
+    homography: list[list[float]] | None
+    licence: str | None
+
+
+@dataclass(frozen=True)
+class Run:
+    """The results in a folder.
+
+    Attributes:
+        name: of the folder.
+        commands: that wrote them.
+        version: of nearfar.
+        rows: failures first.
+        complete: False where there are more rows than are shown.
+        skipped: lines that could not be read.
+    """
+
+    name: str
+    commands: tuple[str, ...]
+    version: str | None
+    rows: list[RunRow]
+    complete: bool
+    skipped: int
+
+
+def read_run(folder: Path, library: Library) -> Run:
+    """The results in a folder.
+
+    Raises:
+        BenchmarkError: there are none.
+        HTTPException: 413, they are too large.
+    """
+    if sum(file.stat().st_size for file in folder.glob("*.jsonl")) > LARGEST:
+        raise HTTPException(413, f"the results are larger than {LARGEST // MEGABYTE} megabytes")
+    benchmarks, record = load_benchmarks([folder]), load_record(folder)
+    rows = [
+        _row(benchmark.name, result, folder, library)
+        for benchmark in benchmarks
+        for result in benchmark.results
+    ]
+    rows.sort(key=lambda row: (row.right, row.case, row.method))
+    skipped = sum(benchmark.skipped for benchmark in benchmarks)
+    complete = len(rows) <= MOST_ROWS
+    return Run(folder.name, record.commands, record.version, rows[:MOST_ROWS], complete, skipped)
+
+
+def _row(benchmark: str, result: Result, folder: Path, library: Library) -> RunRow:
+    homography = result.homography
+    return RunRow(
+        benchmark=benchmark,
+        case=result.case,
+        group=result.group,
+        method=result.method,
+        model=result.model,
+        status=result.status,
+        right=result.strict,
+        error=result.error,
+        confidence=result.measures.get("confidence"),
+        scale_change=_number(result.row, "scale_change"),
+        true_scale_change=result.true_scale_change,
+        inliers=_count(result.row, "inliers"),
+        matches=_count(result.row, "matches"),
+        seconds=sum(result.seconds.values()) if result.seconds else None,
+        reason=result.reason,
+        step=str(result.row["step"]) if result.row.get("step") else None,
+        far=_reference(result.far, folder, library),
+        near=_reference(result.near, folder, library),
+        homography=None if homography is None else [list(line) for line in homography],
+        licence=result.licence,
+    )
+
+
+def _reference(path: Path | None, folder: Path, library: Library) -> str | None:
+    """Of an image that a row names, relative to this folder, the results, or what holds them."""
+    if path is None:
+        return None
+    for place in (path, folder / path, folder.parent / path):
+        reference = library.reference(place)
+        if reference is not None and place.is_file():
+            return reference
+    return None
+
+
+def _number(row: Mapping[str, Any], name: str) -> float | None:
+    value = row.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _count(row: Mapping[str, Any], name: str) -> int | None:
+    number = _number(row, name)
+    return None if number is None else int(number)

@@ -1,0 +1,125 @@
+"""The web server."""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from filelock import FileLock, Timeout
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.staticfiles import StaticFiles
+
+from nearfar.app.configuration import Configuration
+from nearfar.app.guard import Guard
+from nearfar.app.routes import annotations, images, jobs, runs
+from nearfar.app.services import Services
+from nearfar.errors import NearfarError, SettingsError
+
+STATIC = Path(__file__).parent / "static"
+_REVALIDATED = {"Cache-Control": "no-cache"}
+
+
+def create_app(configuration: Configuration) -> FastAPI:
+    """The app, which opens its data when it starts."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.services = Services.of(configuration)
+        runner = asyncio.create_task(app.state.services.runner.run())
+        yield
+        runner.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await runner
+
+    app = FastAPI(
+        title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
+    )
+    for module in (images, jobs, annotations, runs):
+        app.include_router(module.router)
+    app.add_exception_handler(NearfarError, _refused)
+    app.add_exception_handler(RequestValidationError, _malformed)
+    app.add_api_route("/", _page, include_in_schema=False)
+    app.mount("/static", _Static(directory=STATIC))
+    app.add_middleware(Guard, configuration=configuration)
+    return app
+
+
+def serve(configuration: Configuration, listening: socket.socket) -> None:
+    """Answer requests until the process is asked to end.
+
+    Raises:
+        SettingsError: another process uses the same folder for its data.
+    """
+    with _only_one(configuration.data):
+        settings = uvicorn.Config(
+            create_app(configuration),
+            log_level="warning",
+            server_header=False,
+            ws="none",
+            timeout_keep_alive=15,
+            timeout_graceful_shutdown=3,
+            limit_concurrency=512,
+            backlog=256,
+        )
+        uvicorn.Server(settings).run(sockets=[listening])
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that takes connections; port 0 is any that is free.
+
+    Raises:
+        SettingsError: the address cannot be used.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family, backlog=256)
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingsError(
+            f"cannot listen at {host}, port {port} ({reason}): choose another with --port"
+        ) from None
+
+
+@contextmanager
+def _only_one(data: Path) -> Iterator[None]:
+    data.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(data / ".lock", timeout=0):
+            yield
+    except Timeout:
+        raise SettingsError(
+            f"another nearfar app keeps its data in {data}: use that one, or choose another --data"
+        ) from None
+
+
+class _Static(StaticFiles):
+    """Files of the front end, which a browser asks for again after an update."""
+
+    def file_response(self, *args: object, **kwargs: object) -> Response:
+        response = super().file_response(*args, **kwargs)  # type: ignore[arg-type]
+        response.headers.update(_REVALIDATED)
+        return response
+
+
+async def _page() -> FileResponse:
+    return FileResponse(STATIC / "index.html", headers=_REVALIDATED)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    """Bad input, in one sentence without the paths of this machine."""
+    held: Services = request.app.state.services
+    return JSONResponse({"detail": held.library.without_places(str(error))}, 422)
+
+
+async def _malformed(request: Request, error: Exception) -> Response:  # noqa: ARG001
+    """A request that is not of the form that is expected; what was sent is not repeated."""
+    places = []
+    if isinstance(error, RequestValidationError):
+        places = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+    detail = "; ".join(places[:3])[:500] or "malformed"
+    return JSONResponse({"detail": f"the request is not valid: {detail}"}, 422)

@@ -1,0 +1,89 @@
+"""Everything that requests work with."""
+
+from dataclasses import dataclass
+
+from fastapi import Request
+
+from nearfar.app.annotations import AnnotationStore
+from nearfar.app.configuration import Configuration
+from nearfar.app.jobs import Job, JobStore, LocalizeRequest
+from nearfar.app.library import Library
+from nearfar.app.renditions import Renditions
+from nearfar.app.runner import Runner
+from nearfar.app.tasks import LocalizeTask, LocateTask
+from nearfar.app.uploads import Uploads
+
+
+@dataclass(frozen=True, eq=False)
+class Services:
+    """What the app holds while it runs."""
+
+    configuration: Configuration
+    uploads: Uploads
+    library: Library
+    renditions: Renditions
+    jobs: JobStore
+    runner: Runner
+    annotations: AnnotationStore
+
+    @staticmethod
+    def of(configuration: Configuration) -> "Services":
+        """Open the folder in which the app keeps its data.
+
+        Raises:
+            OSError: it cannot be made or read.
+        """
+        data, limits = configuration.data, configuration.limits
+        uploads = Uploads(data / "uploads", limits)
+        library = Library(configuration.folders, uploads)
+        jobs = JobStore(data / "jobs", limits.kept_jobs)
+        tasks = _Tasks(library, jobs, limits.pixels)
+        return Services(
+            configuration,
+            uploads,
+            library,
+            Renditions(limits),
+            jobs,
+            Runner(jobs, tasks.of, library.without_places, limits),
+            AnnotationStore(data / "annotations", limits.annotations),
+        )
+
+
+@dataclass(frozen=True)
+class _Tasks:
+    """Turns jobs, which name files by references, into tasks, which name them by paths."""
+
+    library: Library
+    jobs: JobStore
+    max_pixels: int
+
+    def of(self, job: Job) -> LocalizeTask | LocateTask:
+        """What the worker is told of a job.
+
+        Raises:
+            HTTPException: 404, a file is not there any more.
+        """
+        request, result = job.request, self.jobs.result_file(job)
+        if isinstance(request, LocalizeRequest):
+            return LocalizeTask(
+                far=self.library.file(request.far),
+                near=self.library.file(request.near),
+                model=request.model,
+                max_effort=request.max_effort,
+                max_pixels=self.max_pixels,
+                result=result,
+            )
+        return LocateTask(
+            folder=self.library.folder(request.folder),
+            query=self.library.file(request.query),
+            top=request.top,
+            verify=request.verify,
+            max_pixels=self.max_pixels,
+            result=result,
+        )
+
+
+def services(request: Request) -> Services:
+    """The services of the app that a request was sent to."""
+    found: Services = request.app.state.services
+    return found

@@ -1,0 +1,84 @@
+/** Requests to the server. */
+
+export class RequestError extends Error {
+  constructor(status, message) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const RETRIES = 4;
+
+async function request(path, options = {}) {
+  for (let attempt = 0; ; attempt++) {
+    let response;
+    try {
+      response = await fetch(path, options);
+    } catch {
+      throw new RequestError(0, "The server does not answer. Is nearfar app still running?");
+    }
+    if (response.status === 503 && attempt < RETRIES) {
+      await new Promise((resolve) => setTimeout(resolve, 400 * 2 ** attempt));
+      continue;
+    }
+    if (response.ok) return response.status === 204 ? null : response.json();
+    let detail = `The server answered with status ${response.status}.`;
+    try {
+      detail = (await response.json()).detail;
+    } catch { /* keep the status */ }
+    throw new RequestError(response.status, sentence(String(detail)));
+  }
+}
+
+function sentence(text) {
+  const upper = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(upper) ? upper : `${upper}.`;
+}
+
+export const get = (path, parameters = {}) => {
+  const query = new URLSearchParams(parameters).toString();
+  return request(query ? `${path}?${query}` : path);
+};
+
+const send = (method) => (path, body) => request(path, {
+  method,
+  headers: { "Content-Type": "application/json" },
+  body: JSON.stringify(body ?? {}),
+});
+
+export const post = send("POST");
+export const put = send("PUT");
+export const remove = (path) => request(path, { method: "DELETE" });
+
+/** Send an image file; the answer has its reference, name and size. */
+export function sendImage(file) {
+  const query = new URLSearchParams({ name: file.name || "image" });
+  return request(`/api/images?${query}`, {
+    method: "POST",
+    headers: { "Content-Type": "application/octet-stream" },
+    body: file,
+  });
+}
+
+export const imageInfo = (ref) => get("/api/images/info", { ref });
+
+export function pictureAddress(ref, thumbnail = false) {
+  return `/api/images/picture?${new URLSearchParams(thumbnail ? { ref, thumbnail: "true" } : { ref })}`;
+}
+
+export function warpedAddress(ref, homography, width, height) {
+  const query = new URLSearchParams({ ref, width, height });
+  for (const value of homography.flat()) query.append("h", value);
+  return `/api/images/warped?${query}`;
+}
+
+/** An image that is loaded and decoded. */
+export function loadPicture(address) {
+  return new Promise((resolve, reject) => {
+    const image = new Image();
+    image.decoding = "async";
+    image.onload = () => resolve(image);
+    image.onerror = () => reject(new RequestError(0, "The picture could not be loaded."));
+    image.src = address;
+  });
+}

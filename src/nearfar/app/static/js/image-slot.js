@@ -1,0 +1,78 @@
+/** A place for one image: dropped, chosen from the disk, pasted, or picked from a served folder. */
+
+import { imageInfo, pictureAddress, sendImage } from "./api.js";
+import { fill, h, icon, iconButton } from "./dom.js";
+import { pickImage } from "./file-picker.js";
+
+export class ImageSlot extends EventTarget {
+  /** @param {string} title @param {string} hint */
+  constructor(title, hint) {
+    super();
+    this.title = title;
+    this.hint = hint;
+    this.image = null;
+    this.input = h("input", { type: "file", accept: "image/*,.tif,.tiff,.ppm,.pgm", class: "visually-hidden", "aria-label": `${title}: choose a file`,
+      onchange: () => this.input.files[0] && this.take(this.input.files[0]) });
+    this.body = h("div", { class: "slot-body" });
+    this.element = h("section", { class: "slot", "aria-label": title }, this.body, this.input);
+    for (const type of ["dragenter", "dragover"]) {
+      this.element.addEventListener(type, (event) => { event.preventDefault(); this.element.classList.add("over"); });
+    }
+    for (const type of ["dragleave", "drop"]) this.element.addEventListener(type, () => this.element.classList.remove("over"));
+    this.element.addEventListener("drop", (event) => {
+      event.preventDefault();
+      const [file] = event.dataTransfer.files;
+      if (file) this.take(file);
+    });
+    this.#empty();
+  }
+
+  /** Send a file to the server and show it. */
+  async take(file) {
+    fill(this.body, h("div", { class: "slot-empty busy" }, h("span", { class: "spinner" }), h("p", {}, `Sending ${file.name}…`)));
+    try {
+      this.set(await sendImage(file));
+    } catch (error) {
+      this.#empty(error.message);
+    }
+  }
+
+  /** Show an image of the server. */
+  async setRef(ref) {
+    try {
+      this.set(await imageInfo(ref));
+    } catch (error) {
+      this.#empty(error.message);
+    }
+  }
+
+  set(image) {
+    this.image = image;
+    if (!image) this.#empty();
+    else fill(this.body,
+      h("img", { src: pictureAddress(image.ref), alt: `${this.title}: ${image.name}` }),
+      h("div", { class: "slot-caption" },
+        h("div", {}, h("b", {}, this.title), h("span", { class: "quiet", title: image.name }, `${image.name} · ${image.width} × ${image.height}`)),
+        iconButton("close", `Remove the ${this.title.toLowerCase()}`, () => this.set(null))));
+    this.dispatchEvent(new Event("change"));
+  }
+
+  async #pick() {
+    const chosen = await pickImage(this.title);
+    if (chosen) this.setRef(chosen.ref);
+  }
+
+  #empty(problem = "") {
+    const had = this.image;
+    this.image = null;
+    this.input.value = "";
+    fill(this.body, h("div", { class: "slot-empty" },
+      icon("image"), h("h2", {}, this.title), h("p", { class: "quiet" }, this.hint),
+      problem && h("p", { class: "problem", role: "alert" }, problem),
+      h("div", { class: "slot-actions" },
+        h("button", { type: "button", onclick: () => this.input.click() }, "Choose a file"),
+        h("button", { type: "button", onclick: () => this.#pick() }, "From a folder")),
+      h("p", { class: "quiet small" }, "or drop it here")));
+    if (had) this.dispatchEvent(new Event("change"));
+  }
+}

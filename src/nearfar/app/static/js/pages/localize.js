@@ -1,0 +1,138 @@
+/** Localize a pair: choose two images, watch the progress, look at the answer. */
+
+import { get, post, remove } from "../api.js";
+import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, iconButton, toast } from "../dom.js";
+import { ImageSlot } from "../image-slot.js";
+import { showJob } from "../job-page.js";
+import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-view.js";
+import { PairViewer } from "../pair-viewer.js";
+import { setShortcuts } from "../shortcuts.js";
+import { EFFORTS, stepName } from "../wording.js";
+
+export async function localizePage(main, [id], signal) {
+  if (!id) await start(main);
+  else await showJob(main, id, signal, { href: "#/localize", text: "New pair" }, (job, again) => answer(job, signal, again));
+}
+
+async function start(main) {
+  const slots = pairOfSlots();
+  const model = h("select", { id: "model" },
+    h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
+    h("option", { value: "fundamental" }, "Scene with depth"));
+  const effort = h("select", { id: "effort" }, EFFORTS.map(([value, text]) => h("option", { value }, text)));
+  const go = h("button", { type: "button", class: "primary large", disabled: true, id: "localize", onclick: () => submit() }, "Localize");
+  const submit = async () => {
+    if (go.disabled) return;
+    go.disabled = true;
+    try {
+      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value });
+      location.hash = `#/localize/${job.id}`;
+    } catch (error) {
+      toast(error.message, "error");
+      go.disabled = false;
+    }
+  };
+  slots.onChange(() => { go.disabled = !slots.complete; });
+  setShortcuts("Localize", [
+    { key: "Enter", label: "Enter", what: "localize", act: submit },
+    { key: "x", label: "x", what: "swap far and near", act: slots.swap },
+  ]);
+  const recent = h("section", { class: "recent" });
+  fill(main,
+    h("div", { class: "intro" }, h("h1", {}, "Where does the close-up lie?"),
+      h("p", { class: "lead" }, "Give an overview and a close-up of the same place. nearfar finds the close-up in the overview, also where it is many times smaller there.")),
+    slots.element,
+    h("div", { class: "form-row" },
+      h("label", { class: "field", for: "model" }, "What the images show", model),
+      h("label", { class: "field", for: "effort" }, "How much to try", effort),
+      go),
+    recent);
+  showRecent(recent);
+}
+
+/** Two slots with a button between them that swaps them. */
+export function pairOfSlots() {
+  const far = new ImageSlot("Far image", "The overview: it shows more of the scene, smaller.");
+  const near = new ImageSlot("Near image", "The close-up: it shows the scene larger.");
+  const swap = () => { const [a, b] = [far.image, near.image]; far.set(b); near.set(a); };
+  const element = h("div", { class: "slots" }, far.element, iconButton("swap", "Swap far and near", swap, { class: "icon-button swap" }), near.element);
+  return {
+    far, near, swap, element,
+    get complete() { return Boolean(far.image && near.image); },
+    onChange(listener) { for (const slot of [far, near]) slot.addEventListener("change", listener); },
+  };
+}
+
+async function showRecent(element) {
+  const jobs = (await get("/api/jobs")).filter((job) => job.request.kind === "localize").slice(0, 12);
+  if (!jobs.length) return;
+  fill(element, h("h2", {}, "Recent"), h("ul", { class: "rows" }, jobs.map((job) => h("li", {},
+    h("a", { href: `#/localize/${job.id}` },
+      h("span", { class: "pair-name" }, job.names[1], h("span", { class: "quiet" }, " in "), job.names[0]),
+      h("span", { class: "quiet" }, job.summary), badge(job),
+      h("time", { class: "quiet" }, formatTime(job.created))),
+    iconButton("trash", `Delete ${job.names[1]} in ${job.names[0]}`, async () => {
+      if (await confirmed("Delete this job?", "Its answer is deleted with it. The images stay.", "Delete")) {
+        await remove(`/api/jobs/${job.id}`);
+        showRecent(fill(element));
+      }
+    })))));
+}
+
+function answer(job, signal, again) {
+  const viewer = new PairViewer(), side = h("aside", { class: "side", "aria-label": "Answer" }, h("p", { class: "quiet" }, "Loading…"));
+  const element = h("div", { class: "with-side" }, viewer.element, side);
+  setShortcuts("Viewer", viewer.shortcuts);
+  get(`/api/jobs/${job.id}/result`).then((result) => {
+    if (signal.aborted) return;
+    const found = result.localization;
+    fill(side, answerFacts(job, result, again));
+    viewer.show({
+      far: job.request.far, near: job.request.near, homography: found.far_from_near?.homography ?? null,
+      steps: result.steps, landmarks: result.landmarks, scaleChange: found.scale_change,
+    });
+  }).catch((error) => fill(element, notice("The answer cannot be read", error.message, h("button", { type: "button", class: "primary", onclick: again }, "Start again"), "bad")));
+  return element;
+}
+
+function answerFacts(job, result, again) {
+  const found = result.localization, localized = found.status === "localized";
+  const total = Object.values(found.seconds).reduce((a, b) => a + b, 0);
+  return [
+    localized ? h("p", { class: "verdict good" }, icon("check"), "Found") : h("div", { class: "verdict-block" },
+      h("p", { class: "verdict warn" }, icon("alert"), "Not found"), h("p", {}, result.explanation),
+      h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, found.reason))),
+    facts([
+      ["Scale change", found.scale_change && localized ? `${formatNumber(found.scale_change)}×` : "–"],
+      ["Confidence", confidenceText(found.confidence), confidenceMeter(found.confidence)],
+      ["Matches that agree", `${found.inliers} of ${found.matches}`],
+      localized && found.step && ["Found by", stepName(found.step)],
+      ["Time", formatSeconds(total)],
+    ]),
+    h("details", {}, h("summary", {}, "Numbers"), numbers(found)),
+    h("div", { class: "side-actions" },
+      h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "localization.json" }, icon("download"), "JSON"),
+      h("button", { type: "button", onclick: again }, icon("again"), "Again"),
+      h("button", { type: "button", onclick: () => annotate(job) }, icon("pencil"), "Annotate")),
+  ];
+}
+
+function numbers(found) {
+  const matrix = found.far_from_near?.homography ?? found.far_from_near?.fundamental;
+  return h("div", { class: "numbers" },
+    matrix && [h("h3", {}, found.model === "homography" ? "Homography, near to far" : "Fundamental matrix"),
+      h("table", { class: "matrix" }, h("tbody", {}, matrix.map((row) => h("tr", {}, row.map((value) => h("td", {}, value.toPrecision(6)))))))],
+    found.footprint && [h("h3", {}, "Outline in the far image"),
+      h("table", { class: "matrix" }, h("tbody", {}, found.footprint.map((corner) => h("tr", {}, corner.map((value) => h("td", {}, value.toFixed(1)))))))],
+    h("h3", {}, "Seconds"),
+    h("table", { class: "matrix" }, h("tbody", {}, Object.entries(found.seconds).map(([stage, value]) => h("tr", {}, h("th", { scope: "row" }, stage), h("td", {}, value.toFixed(2)))))));
+}
+
+async function annotate(job) {
+  try {
+    const opened = await post("/api/annotations", { far: job.request.far, near: job.request.near });
+    location.hash = `#/annotate/${opened.annotation.id}`;
+  } catch (error) {
+    toast(error.message, "error");
+  }
+}

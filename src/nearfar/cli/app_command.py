@@ -1,0 +1,77 @@
+"""`nearfar app`."""
+
+import secrets
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from nearfar.app import PACKAGES
+from nearfar.cli.options import Flag
+from nearfar.errors import SettingsError
+from nearfar.extras import require
+
+
+def app_command(
+    folders: tuple[Path, ...] = (),
+    /,
+    *,
+    port: int = 8765,
+    host: str = "127.0.0.1",
+    token: str | None = None,
+    data: Path | None = None,
+    max_upload: int = 200,
+    max_pixels: int = 100_000_000,
+    open_browser: Annotated[Flag, Parameter(name="--open")] = False,
+) -> None:
+    """Localize, look at benchmark results and annotate in a web page of this machine.
+
+    Images, maps and results in FOLDERS and folders below can be opened; nothing else of the disk
+    can. Ends with Ctrl+C.
+
+    Args:
+        folders: Folders to open images, maps and benchmark results from.
+        port: Port to listen at; 0 takes one that is free.
+        host: Address to listen at. With another than 127.0.0.1 other machines can connect, over
+            plain HTTP, and need the token.
+        token: Token that a browser must bring; made where --host needs one.
+        data: Folder for images that are dropped on the page, answers and annotations; by default
+            the system's folder for a user's data.
+        max_upload: Refuse to be sent images of more megabytes.
+        max_pixels: Refuse larger images, which may be decompression bombs.
+        open_browser: Open the page in a browser.
+    """
+    require("app", *PACKAGES)
+    from nearfar.app.configuration import (
+        MEGABYTE,
+        Configuration,
+        Limits,
+        default_data,
+        is_loopback,
+    )
+    from nearfar.app.server import listen, serve
+
+    for folder in folders:
+        if not folder.is_dir():
+            raise SettingsError(f"{folder} is not a folder")
+    if token is not None and len(token) < 12:
+        raise SettingsError("--token needs at least 12 characters")
+    if token is None and not is_loopback(host):
+        token = secrets.token_urlsafe(24)
+    if max_upload < 1 or max_pixels < 1:
+        raise SettingsError("--max-upload and --max-pixels must be at least 1")
+    limits = Limits(upload_bytes=max_upload * MEGABYTE, pixels=max_pixels)
+    kept = (data or default_data()).resolve()
+    configuration = Configuration(folders, kept, host, token, limits)
+    with listen(host, port) as listening:
+        chosen = listening.getsockname()[1]
+        shown = f"[{host}]" if ":" in host else host
+        address = f"http://{shown}:{chosen}/" + (f"?token={token}" if token else "")
+        Console(emoji=False, highlight=False, soft_wrap=True).print(
+            f"nearfar app: {address}", markup=False
+        )
+        if open_browser:
+            webbrowser.open(address)
+        serve(configuration, listening)

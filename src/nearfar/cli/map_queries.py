@@ -1,0 +1,149 @@
+"""The queries of `nearfar map locate`, each located by itself, here or by a worker.
+
+What comes back is text and numbers: pixels stay where the query was located.
+"""
+
+import functools
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from nearfar.errors import ImageError, NearfarError
+from nearfar.intrinsics import CameraIntrinsics
+from nearfar.maps import open_map
+from nearfar.maps.answers import MapLocalization
+from nearfar.maps.world.geojson import feature_collection
+from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.settings import Settings
+from nearfar.storage import Location, local_copy, staged
+
+if TYPE_CHECKING:
+    from nearfar.maps.map import Map
+
+LONGEST_CRS = 20
+"""Characters; the name of a system that has no code is pages of WKT."""
+
+
+@dataclass(frozen=True)
+class Query:
+    """A query and how it is located.
+
+    Attributes:
+        source: its file.
+        name: of the files that are saved of it.
+        folder: of the map.
+        settings: of the map.
+        top: as `Map.locate`.
+        verify: the same.
+        camera: the same.
+        save: folder for files; None saves none.
+        run: names the run; workers open the map once in each.
+    """
+
+    source: Location
+    name: str
+    folder: Location
+    settings: Settings
+    top: int
+    verify: int
+    camera: CameraIntrinsics | None
+    save: Location | None
+    run: str
+
+
+@dataclass(frozen=True)
+class Located:
+    """What came of a query.
+
+    Attributes:
+        error: why it could not be read; None where it could.
+        located: whether it was found.
+        line: the JSON object of `--json`.
+        text: the same for people.
+        features: of GeoJSON.
+    """
+
+    error: str | None
+    located: bool = False
+    line: str = ""
+    text: str = ""
+    features: tuple[dict[str, Any], ...] = ()
+
+
+def locate_query(query: Query) -> Located:
+    """Locate a query, and save what is to be saved.
+
+    Raises:
+        NearfarError: it is not the query that is at fault.
+    """
+    opened = _opened(query.folder, query.settings, query.run)
+    try:
+        with local_copy(query.source) as file:
+            found = opened.locate(file, top=query.top, verify=query.verify, intrinsics=query.camera)
+    except (ImageError, FileNotFoundError) as error:
+        missing = isinstance(error, FileNotFoundError)
+        return Located(f"{query.source} does not exist" if missing else str(error))
+    except NearfarError:
+        raise
+    except Exception as error:  # Libraries raise whatever they like at an image.
+        return Located(f"{query.source}: {type(error).__name__}: {error}")
+    found = replace(found, query=query.source)
+    if query.save is not None:
+        with staged(query.save) as folder:
+            found.save(folder, query.name)
+    features = json.loads(feature_collection([found]))["features"]
+    text = _text(found, posing=query.camera is not None)
+    return Located(None, found.located, found.to_json(), text, tuple(features))
+
+
+def died(query: Query) -> Located:
+    """What is said of a query that kills its workers."""
+    return Located(f"{query.source}: the process that located it died")
+
+
+@functools.lru_cache(maxsize=1)
+def _opened(folder: Location, settings: Settings, _: str) -> "Map":
+    """One a process and run."""
+    return open_map(folder, settings=settings)
+
+
+def _text(found: MapLocalization, *, posing: bool) -> str:
+    if not found.located:
+        return f"{found.query}: not found; {found.reason}"
+    lines = [f"{found.query}: located"]
+    for answer in found.answers:
+        lines.append(
+            f"  {answer.image}: confidence {answer.confidence:.2f}, scale change "
+            f"{answer.scale_change:.2f}x, {answer.votes:.1f} votes"
+        )
+        if answer.footprint is not None:
+            corners = "  ".join(f"({x:.1f}, {y:.1f})" for x, y in answer.footprint)
+            lines.append(f"  outline in it: {corners}")
+        if answer.world is not None:
+            lines.append(f"  centre: {_geo_text(answer.world)}")
+    if found.pose is not None:
+        lines.append(f"  {_pose_text(found.pose)}")
+    elif posing:
+        lines.append("  no pose: none of these map images has one (nearfar map add --help)")
+    stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in found.seconds.items())
+    return "\n".join([*lines, f"  {sum(found.seconds.values()):.2f} s ({stages})"])
+
+
+def _geo_text(place: GeoPlace) -> str:
+    x, y = place.outline.centre
+    crs = place.crs if len(place.crs) <= LONGEST_CRS else "the raster's system"
+    projected = f"({x:.2f}, {y:.2f}) in {crs}"
+    if place.longitude_latitude is None:
+        return projected
+    longitude, latitude = place.longitude_latitude.centre
+    return f"longitude {longitude:.7f}, latitude {latitude:.7f}; {projected}"
+
+
+def _pose_text(pose: QueryPose) -> str:
+    basis = f"{pose.inliers} matches with {', '.join(pose.images)}"
+    if pose.translation is None:
+        x, y, z = pose.to_dict()["direction"]
+        away = f"direction ({x:.3f}, {y:.3f}, {z:.3f}) from {pose.images[0]}"
+        return f"{away}, distance unknown; {basis}"
+    x, y, z = pose.translation
+    return f"camera at ({x:.3f}, {y:.3f}, {z:.3f}) in {pose.world}, by {pose.source}; {basis}"

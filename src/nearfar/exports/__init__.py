@@ -1,0 +1,100 @@
+"""A localization in the files of other tools. One module a format; docs/exports.md."""
+
+import os
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from nearfar.errors import SettingsError
+from nearfar.exports.subject import Subject
+from nearfar.intrinsics import IntrinsicsSource, read_intrinsics
+from nearfar.localization import Localization
+from nearfar.registry import Registry
+from nearfar.settings import Settings
+
+__all__ = ["EXPORTERS", "Exporter", "Subject", "export", "exporter"]
+
+
+class Exporter(ABC):
+    """Writes localizations in one format.
+
+    Args:
+        name: of the format.
+        settings: not used; plug-ins of every kind are made with them.
+
+    Raises:
+        MissingExtraError: a package that the format needs is not installed.
+
+    Attributes:
+        file_name: of what is written beside other results of a localization.
+    """
+
+    file_name: str
+
+    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self.name = name
+
+    @abstractmethod
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """Write a file or, for a format of several files, a folder; what is there is replaced.
+
+        Returns:
+            The files written.
+
+        Raises:
+            ExportError: the format has no place for such a localization.
+            OSError: a file cannot be written.
+        """
+
+
+EXPORTERS: Registry[Exporter] = Registry("export format", "nearfar.exports")
+
+
+def exporter(name: str) -> Exporter:
+    """The exporter of a format.
+
+    Raises:
+        SettingsError: there is no such format.
+        MissingExtraError: a package that the format needs is not installed.
+    """
+    names = EXPORTERS.names()
+    if name not in names:
+        raise SettingsError(f"unknown export format {name!r}; there are {', '.join(names)}")
+    return EXPORTERS.create(name, Settings())
+
+
+def export(
+    localization: Localization,
+    format: str,  # noqa: A002
+    path: str | os.PathLike[str],
+    *,
+    far: str | None = None,
+    near: str | None = None,
+    intrinsics: IntrinsicsSource | None = None,
+) -> list[Path]:
+    """Write a localization in the format of another tool.
+
+    Args:
+        localization: what to write.
+        format: "colmap", "csv", "geojson", "hloc", "kitti", "opencv-yaml", "png", "svg" or "tum".
+        path: file to write, for "hloc" a folder; what is there is replaced.
+        far: what the far image is called in formats that name images ("colmap", "hloc"); by
+            default its path relative to the deepest folder that holds both images.
+        near: the same of the near image.
+        intrinsics: of both cameras, as they were given to `localize`; "colmap" needs them for a
+            pose, "opencv-yaml" notes them.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ExportError: the format has no place for such a localization, e.g. poses without a pose.
+        SettingsError: there is no such format.
+        MissingExtraError: a package that the format needs is not installed.
+        IntrinsicsError: the intrinsics are not valid.
+        OSError: a file cannot be written.
+    """
+    known = None if intrinsics is None else read_intrinsics(intrinsics)
+    target = Path(path)
+    writer = exporter(format)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return writer.write(Subject(localization, known, far, near), target)

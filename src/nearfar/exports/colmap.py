@@ -1,0 +1,147 @@
+"""A COLMAP database of the two images. Needs the extra `export`.
+
+In COLMAP the centre of the top left pixel is (0.5, 0.5), so half a pixel is added to keypoints and
+principal points, and models between pixels are moved by it.
+"""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearfar.arrays import Matrix3
+from nearfar.errors import ExportError
+from nearfar.exports import EXPORTERS, Exporter, Subject
+from nearfar.exports.indexed import indexed
+from nearfar.exports.subject import ImageNames
+from nearfar.extras import require
+from nearfar.geometry.homography import translation
+from nearfar.geometry.pose import RelativePose
+from nearfar.image import Image
+from nearfar.intrinsics import CameraIntrinsics
+from nearfar.maps.world.colmap import PIXEL_CENTRE
+from nearfar.settings import Settings
+
+_GUESSED_FOCAL_LENGTH = 1.2
+"""Of an unknown camera, in longest sides of its image; COLMAP's own default."""
+_COLMAP_FROM_PIXEL = translation(PIXEL_CENTRE, PIXEL_CENTRE)
+_PIXEL_FROM_COLMAP = translation(-PIXEL_CENTRE, -PIXEL_CENTRE)
+
+
+@EXPORTERS.register("colmap")
+class ColmapExporter(Exporter):
+    """Cameras, images, keypoints, matches and, where it was localized, two-view geometry.
+
+    The near image is image 1 and the far one image 2, so that COLMAP's `F`, `E`, `H` and
+    `cam2_from_cam1` are `far_from_near`. The inlier matches are those of the localization. A camera
+    that is not known is a SIMPLE_RADIAL one with COLMAP's guess of its focal length.
+    """
+
+    file_name = "colmap.db"
+
+    def __init__(self, name: str, settings: Settings) -> None:
+        super().__init__(name, settings)
+        require("export", "pycolmap")
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`.
+
+        Raises:
+            ExportError: there is a database of other images, or a pose without its intrinsics.
+        """
+        import pycolmap
+
+        names, found = subject.names, subject.localization
+        if isinstance(found.far_from_near, RelativePose) and subject.intrinsics is None:
+            raise ExportError(
+                "a COLMAP database of a pose needs the intrinsics that it was found with: give "
+                "them again (intrinsics=)"
+            )
+        _remove_own(path, names)
+        known = subject.intrinsics
+        far_camera, near_camera = (None, None) if known is None else (known.far, known.near)
+        matches = indexed(found.points)
+        with pycolmap.Database.open(str(path)) as database:
+            near = _write_image(database, names.near, found.near, near_camera)
+            far = _write_image(database, names.far, found.far, far_camera)
+            database.write_keypoints(near, matches.near + np.float32(PIXEL_CENTRE))
+            database.write_keypoints(far, matches.far + np.float32(PIXEL_CENTRE))
+            database.write_matches(near, far, matches.pairs.astype(np.uint32))
+            if found.localized:
+                geometry = _two_view_geometry(subject)
+                geometry.inlier_matches = matches.pairs[matches.inliers].astype(np.uint32)
+                database.write_two_view_geometry(near, far, geometry)
+        return [path]
+
+
+def _remove_own(path: Path, names: ImageNames) -> None:
+    """Make room for a new database, unless there is one of other images."""
+    if not path.exists():
+        return
+    try:
+        # Not through pycolmap, which brings databases of older versions up to date.
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            there = {name for (name,) in database.execute("SELECT name FROM images")}
+    except sqlite3.Error as error:
+        raise ExportError(f"{path} is no COLMAP database: remove it first") from error
+    if there - {names.far, names.near}:
+        raise ExportError(f"{path} is a COLMAP database of other images: give another path")
+    path.unlink()
+
+
+def _write_image(database: Any, name: str, image: Image, known: CameraIntrinsics | None) -> int:
+    import pycolmap
+
+    camera_id = database.write_camera(_camera(image, known))
+    written: int = database.write_image(pycolmap.Image(name=name, camera_id=camera_id))
+    return written
+
+
+def _camera(image: Image, known: CameraIntrinsics | None) -> Any:
+    import pycolmap
+
+    if known is None:
+        guess = _GUESSED_FOCAL_LENGTH * max(image.width, image.height)
+        return pycolmap.Camera(
+            model="SIMPLE_RADIAL",
+            width=image.width,
+            height=image.height,
+            params=[guess, image.width / 2, image.height / 2, 0],
+        )
+    centre = known.cx + PIXEL_CENTRE, known.cy + PIXEL_CENTRE
+    return pycolmap.Camera(
+        model="PINHOLE",
+        width=image.width,
+        height=image.height,
+        params=[known.fx, known.fy, *centre],
+        has_prior_focal_length=True,
+    )
+
+
+def _two_view_geometry(subject: Subject) -> Any:
+    import pycolmap
+
+    found = subject.localization.far_from_near
+    kinds = pycolmap.TwoViewGeometryConfiguration
+    geometry = pycolmap.TwoViewGeometry()
+    if isinstance(found, RelativePose):
+        geometry.config = kinds.CALIBRATED
+        geometry.E = _essential(found)
+        rotation = pycolmap.Rotation3d(found.rotation)
+        geometry.cam2_from_cam1 = pycolmap.Rigid3d(rotation, found.translation)
+    elif subject.localization.model == "homography":
+        geometry.config = kinds.PLANAR_OR_PANORAMIC
+        geometry.H = _COLMAP_FROM_PIXEL @ np.asarray(found) @ _PIXEL_FROM_COLMAP
+    else:
+        geometry.config = kinds.UNCALIBRATED
+        geometry.F = _PIXEL_FROM_COLMAP.T @ np.asarray(found) @ _PIXEL_FROM_COLMAP
+    return geometry
+
+
+def _essential(pose: RelativePose) -> Matrix3:
+    """The matrix E with x_farᵀ E x_near = 0."""
+    x, y, z = pose.translation
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(cross @ pose.rotation)

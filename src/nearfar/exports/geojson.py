@@ -1,0 +1,82 @@
+"""The near image's outline as GeoJSON."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from nearfar.arrays import Coordinates
+from nearfar.errors import ExportError, ImageError
+from nearfar.exports import EXPORTERS, Exporter, Subject
+from nearfar.extras import require
+from nearfar.localization import Localization
+from nearfar.maps.raster import tiff_header
+from nearfar.maps.world.geojson import ring
+from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.places import WorldCoordinates
+
+
+@EXPORTERS.register("geojson")
+class GeoJsonExporter(Exporter):
+    """A feature collection of one polygon.
+
+    Its property `coordinates` says of what kind they are: "longitude latitude", WGS 84 in degrees,
+    where the far image is a GeoTIFF that has its place on the Earth, and else "far pixels".
+    """
+
+    file_name = "footprint.geojson"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`.
+
+        Raises:
+            MissingExtraError: the far image is a GeoTIFF and the extra `geo` is not installed.
+        """
+        found = subject.localization
+        pixels = _outline(found)
+        on_earth = _on_earth(found)
+        corners = pixels if on_earth is None else on_earth
+        feature = {
+            "type": "Feature",
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [ring(np.asarray(corners, np.float64))],
+            },
+            "properties": {
+                "coordinates": "far pixels" if on_earth is None else "longitude latitude",
+                "far": None if found.far.path is None else str(found.far.path),
+                "near": None if found.near.path is None else str(found.near.path),
+                "confidence": found.confidence,
+                "scale_change": found.scale_change,
+            },
+        }
+        collection = {"type": "FeatureCollection", "features": [feature]}
+        path.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
+        return [path]
+
+
+def _outline(found: Localization) -> Coordinates:
+    if found.footprint is not None:
+        return found.footprint
+    if not found.localized:
+        why = f"failed ({found.reason})"
+    elif found.model == "homography":
+        why = "has a horizon that crosses the near image"
+    else:
+        why = f"is a {found.model}"
+    raise ExportError(f"the localization {why}: an outline needs a homography (--model homography)")
+
+
+def _on_earth(found: Localization) -> WorldCoordinates | None:
+    """(4, 2) longitudes and latitudes; None where the far image does not tell its place."""
+    file = found.far.path
+    header = None if file is None else tiff_header(file)
+    if file is None or header is None or not header.georeferenced:
+        return None
+    require("geo", "rasterio")
+    if header.orientation != 1:
+        raise ImageError(f"{file} is a GeoTIFF that is stored turned: save it upright")
+    size = found.near.width, found.near.height
+    place = geo_place(file, np.asarray(found.far_from_near), size)
+    seen = None if place is None else place.longitude_latitude
+    return None if seen is None else seen.footprint

@@ -1,0 +1,107 @@
+"""hloc's files, read as hloc reads them."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+import nearfar
+from nearfar import ExportError, Localization
+from nearfar.adapters.hloc import match_pairs
+from nearfar.exports.hloc_files import names_to_pair
+from tests.conftest import KnownPair
+
+h5py = pytest.importorskip("h5py")
+
+
+def list_names(path: Path) -> set[str]:
+    """As `list_h5_names` of hloc's utils/io.py: the groups that hold arrays."""
+    names = set()
+
+    def visit(_: str, each: Any) -> None:
+        if isinstance(each, h5py.Dataset):
+            names.add(each.parent.name.strip("/"))
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+    return names
+
+
+def matched(features: Path, matches: Path, name0: str, name1: str) -> tuple[np.ndarray, ...]:
+    """Matched points of both images and scores, as hloc's `get_matches` finds them."""
+    with h5py.File(matches, "r") as file:
+        group = file[names_to_pair(name0, name1)]
+        matches0, scores = group["matches0"][()], group["matching_scores0"][()]
+    index = np.flatnonzero(matches0 != -1)
+    with h5py.File(features, "r") as file:
+        keypoints = [file[name]["keypoints"][()] for name in (name0, name1)]
+    assert len(matches0) == len(keypoints[0])
+    return keypoints[0][index], keypoints[1][matches0[index]], scores[index]
+
+
+def rows(*arrays: np.ndarray) -> set[tuple[float, ...]]:
+    return {tuple(row) for row in np.hstack(arrays).astype(np.float32).tolist()}
+
+
+def test_features_and_matches(found: Localization, tmp_path: Path) -> None:
+    features, matches, pairs = nearfar.export(found, "hloc", tmp_path / "hloc")
+    assert pairs.read_text(encoding="utf-8") == "near.png maps/far.png\n"
+    assert list_names(features) == {"near.png", "maps/far.png"}
+    assert list_names(matches) == {"near.png/maps-far.png"}
+    near, far, scores = matched(features, matches, "near.png", "maps/far.png")
+    points = found.points
+    assert rows(near, far) <= rows(points.near, points.far)
+    inliers = scores == 1
+    right = points.inliers
+    assert rows(near[inliers], far[inliers]) == rows(points.near[right], points.far[right])
+    assert len(near) == len(points) - 4  # Two in each image would use a keypoint again.
+    with h5py.File(features, "r") as file:
+        assert file["maps/far.png"]["image_size"][()].tolist() == [480, 360]
+        assert file["near.png"]["keypoints"].dtype == np.float32
+
+
+def test_a_failure_has_matches_and_no_inliers(failed: Localization, tmp_path: Path) -> None:
+    features, matches, _ = nearfar.export(failed, "hloc", tmp_path / "hloc")
+    _, _, scores = matched(features, matches, "near.png", "maps/far.png")
+    assert len(scores) > 0
+    assert not scores.any()
+
+
+def test_points_that_are_not_finite_are_left_out(found: Localization, tmp_path: Path) -> None:
+    far = found.points.far.copy()
+    far[10] = np.nan
+    broken = replace(found, points=replace(found.points, far=far))
+    features, matches, _ = nearfar.export(broken, "hloc", tmp_path / "hloc")
+    near, far, _ = matched(features, matches, "near.png", "maps/far.png")
+    assert np.isfinite(far).all()
+    assert len(near) == len(found.points) - 5
+
+
+def test_nearfar_in_the_place_of_match_dense(known_pair: KnownPair, tmp_path: Path) -> None:
+    for name, pixels in (("map/far.png", known_pair.far), ("near.png", known_pair.near)):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        PillowImage.fromarray(pixels).save(tmp_path / name)
+    half = known_pair.near[:300]
+    PillowImage.fromarray(np.ascontiguousarray(half)).save(tmp_path / "half.png")
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text("near.png map/far.png\n\nhalf.png map/far.png\nmap/far.png near.png\n")
+    features, matches = match_pairs(
+        pairs, tmp_path, tmp_path / "f.h5", tmp_path / "m.h5", model="homography", method="sift"
+    )
+    assert list_names(matches) == {"near.png/map-far.png", "half.png/map-far.png"}
+    for name in ("near.png", "half.png"):
+        near, far, scores = matched(features, matches, name, "map/far.png")
+        truth = known_pair.far_from_near @ np.column_stack([near, np.ones(len(near))]).T
+        error = np.linalg.norm(truth[:2].T / truth[2:].T - far, axis=1)
+        assert (scores == 1).sum() >= 20
+        assert np.median(error[scores == 1]) < 2
+
+
+def test_a_list_that_is_no_list_of_pairs(tmp_path: Path) -> None:
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text("only-one.png\n")
+    with pytest.raises(ExportError, match="two names of images a line"):
+        match_pairs(pairs, tmp_path, tmp_path / "f.h5", tmp_path / "m.h5")
