@@ -110,8 +110,8 @@ class MapLocator:
         with timer.stage("search"):
             hits = self._hits(landmarks)
         with timer.stage("votes"):
-            found = candidates(votes_of(hits, landmarks, size), size)
-            found = found[: CANDIDATES_PER_PLACE * most]
+            votes = votes_of(hits, landmarks, size)
+            found = candidates(votes, size, CANDIDATES_PER_PLACE * most)
             tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
             return places(found, tiles, size)[:most]
 

@@ -33,7 +33,7 @@ from nearfar.storage import Location, Url, storage_errors
 OK = "ok"
 """Status of an image that could be read."""
 INDEX_FROM = 200_000
-"""Landmarks from which on `compact` builds an index."""
+"""Landmarks from which on `compact` builds an index; comparing with fewer takes less time."""
 KEPT = timedelta(hours=1)
 """How long files stay that only readers of an older state of the map need."""
 PROBES, COMPARED = 20, 80

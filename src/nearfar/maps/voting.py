@@ -116,19 +116,28 @@ def map_from_query(place: NDArray[np.floating], landmarks: Landmarks) -> NDArray
     return np.concatenate([linear, moved[:, :, np.newaxis]], axis=2)
 
 
-def candidates(votes: Votes, size: tuple[int, int]) -> list[Candidate]:
+def candidates(votes: Votes, size: tuple[int, int], most: int) -> list[Candidate]:
     """What most votes agree on, best first.
 
     Args:
         votes: of a query.
         size: its width and height.
+        most: how many.
     """
     order = np.lexsort((-votes.weight, votes.cell, votes.image))
     votes = votes[order]
     starts = np.flatnonzero(np.diff(votes.image, prepend=NONE))
+    if not len(starts):
+        return []
     parts = np.split(np.arange(len(votes)), starts[1:])
-    found = [each for part in parts if len(part) for each in _of_image(votes[part], size)]
-    return sorted(found, key=lambda each: -each.votes)
+    bound = np.add.reduceat(votes.weight, starts, dtype=np.float64)
+    found: list[Candidate] = []
+    for index in np.argsort(-bound, kind="stable"):
+        if len(found) >= most and found[most - 1].votes >= bound[index]:
+            break  # No image that is left has so many votes in all.
+        found.extend(_of_image(votes[parts[index]], size))
+        found.sort(key=lambda each: -each.votes)
+    return found[:most]
 
 
 def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Candidate]:
