@@ -82,7 +82,6 @@ def test_a_benchmark_whose_worker_is_killed(
     assert comparable(spread) == comparable(alone)
     ran = json.loads((tmp_path / "run.json").read_text())["runs"][1]
     assert (ran["done"], ran["failed"]) == (8, 1)
-    assert ran["workers"] >= 2
 
 
 def test_a_map_whose_worker_is_killed(
