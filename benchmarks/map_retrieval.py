@@ -29,10 +29,11 @@ from nearfar.geometry.homography import footprint, transform
 from nearfar.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.answers import MapAnswer, MapLocalization
+from nearfar.maps.entries import MapImage
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.map import TOP, VERIFY
-from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.store import MapStore
 from retrieval_baselines import BagOfWords, PooledLandmarks, WholeImage
 from retrieval_tables import kite_table, recall_table, time_table
 from retrieval_tiles import tiles_of

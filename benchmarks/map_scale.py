@@ -23,12 +23,13 @@ from numpy.typing import NDArray
 from nearfar.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.build import _indexed, _Task
+from nearfar.maps.entries import Indexed
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.locate import HITS
 from nearfar.maps.manifest import manifest_for
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sources import image_files
-from nearfar.maps.store import Indexed, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.settings import Settings
 
 COSINE = 0.8

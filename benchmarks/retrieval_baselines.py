@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from nearfar.adaptive.keypoints import detect_keypoints
 from nearfar.arrays import RGBPixels
 from nearfar.image import read_image
+from nearfar.maps.entries import MapImage
 from nearfar.maps.keypoints import MOST, unpacked_keypoints
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.sources import TILE
-from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.methods.adaptive import CONTRAST
 from nearfar.networks.landmark_network import CROP
 from nearfar.settings import Settings

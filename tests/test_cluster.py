@@ -25,8 +25,7 @@ from tests.bench.test_run import write_pair
 from tests.bench.test_survival import comparable
 from tests.bench.test_workers import gave_up, square_or_die
 from tests.conftest import KnownPair
-from tests.maps.conftest import photos, pictures, small_close_up, small_town, write  # noqa: F401
-from tests.maps.test_map import content
+from tests.maps.conftest import content, photos, pictures, small_close_up, small_town, write  # noqa: F401
 
 SIFT = Settings(method="sift")
 QUICK = ("--max-effort", "points", "--verify", "1")

@@ -13,6 +13,9 @@ import numpy as np
 from nearfar.arrays import Matrix3
 from nearfar.errors import IntrinsicsError
 
+COLMAP_PIXEL_CENTRE = 0.5
+"""Coordinates of the centre of the top left pixel in COLMAP; here they are 0."""
+
 
 @dataclass(frozen=True)
 class CameraIntrinsics:

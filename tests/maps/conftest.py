@@ -1,6 +1,7 @@
 """A map of photographs, and queries that lie in one of them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,12 @@ from PIL import Image
 from nearfar import open_map
 from nearfar.arrays import RGBPixels
 from nearfar.geometry.homography import translation
+from nearfar.storage import Location
 from tests.conftest import KnownPair
 
 pytest.importorskip("lancedb")
+
+from nearfar.maps.store import MapStore
 
 NAMES = ("astronaut", "chelsea", "coffee", "rocket", "camera", "coins", "page", "brick")
 
@@ -92,3 +96,20 @@ def close_up(pictures: Callable[[str], RGBPixels]) -> KnownPair:
 def small_close_up(pictures: Callable[[str], RGBPixels]) -> KnownPair:
     """A part of the small astronaut, twice as large."""
     return part_of(small(pictures("astronaut")), (128, 100), 2)
+
+
+def content(folder: Location) -> dict[str, tuple[object, ...]]:
+    """All that a map says of each image but when its file changed, in an order of its own."""
+    tables = MapStore(folder)
+    vectors: dict[int, list[bytes]] = {}
+    for block in tables.blocks():
+        for image, place, vector in zip(block.image, block.place, block.vectors, strict=True):
+            vectors.setdefault(int(image), []).append(place.tobytes() + vector.tobytes())
+    return {
+        image.name: (
+            replace(image, size=-1, modified=-1),
+            [(tile, tables.keypoints(image.id, tile)) for tile in tables.tiles(image.id)],
+            sorted(vectors.get(image.id, [])),
+        )
+        for image in tables.images()
+    }

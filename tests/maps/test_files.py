@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from nearfar.maps import files
+from nearfar.maps.entries import MapImage
 from nearfar.maps.files import UNKNOWN, content_hash, file_of, is_unchanged, name_of, state_of
-from nearfar.maps.store import MapImage
 from nearfar.storage import Url
 
 

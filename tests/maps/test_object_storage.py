@@ -11,8 +11,7 @@ from nearfar.errors import StorageError
 from nearfar.maps import build
 from nearfar.storage import Url
 from tests.conftest import KnownPair
-from tests.maps.conftest import write
-from tests.maps.test_map import content
+from tests.maps.conftest import content, write
 from tests.object_storage import SECRET, Server
 
 FIRST, SECOND = ("astronaut", "coffee"), ("page", "coins")

@@ -20,14 +20,13 @@ from nearfar.extras import require
 from nearfar.geometry.homography import translation
 from nearfar.geometry.pose import RelativePose
 from nearfar.image import Image
-from nearfar.intrinsics import CameraIntrinsics
-from nearfar.maps.world.colmap import PIXEL_CENTRE
+from nearfar.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
 from nearfar.settings import Settings
 
 _GUESSED_FOCAL_LENGTH = 1.2
 """Of an unknown camera, in longest sides of its image; COLMAP's own default."""
-_COLMAP_FROM_PIXEL = translation(PIXEL_CENTRE, PIXEL_CENTRE)
-_PIXEL_FROM_COLMAP = translation(-PIXEL_CENTRE, -PIXEL_CENTRE)
+_COLMAP_FROM_PIXEL = translation(COLMAP_PIXEL_CENTRE, COLMAP_PIXEL_CENTRE)
+_PIXEL_FROM_COLMAP = translation(-COLMAP_PIXEL_CENTRE, -COLMAP_PIXEL_CENTRE)
 
 
 @EXPORTERS.register("colmap")
@@ -66,8 +65,8 @@ class ColmapExporter(Exporter):
         with pycolmap.Database.open(str(path)) as database:
             near = _write_image(database, names.near, found.near, near_camera)
             far = _write_image(database, names.far, found.far, far_camera)
-            database.write_keypoints(near, matches.near + np.float32(PIXEL_CENTRE))
-            database.write_keypoints(far, matches.far + np.float32(PIXEL_CENTRE))
+            database.write_keypoints(near, matches.near + np.float32(COLMAP_PIXEL_CENTRE))
+            database.write_keypoints(far, matches.far + np.float32(COLMAP_PIXEL_CENTRE))
             database.write_matches(near, far, matches.pairs.astype(np.uint32))
             if found.localized:
                 geometry = _two_view_geometry(subject)
@@ -110,7 +109,7 @@ def _camera(image: Image, known: CameraIntrinsics | None) -> Any:
             height=image.height,
             params=[guess, image.width / 2, image.height / 2, 0],
         )
-    centre = known.cx + PIXEL_CENTRE, known.cy + PIXEL_CENTRE
+    centre = known.cx + COLMAP_PIXEL_CENTRE, known.cy + COLMAP_PIXEL_CENTRE
     return pycolmap.Camera(
         model="PINHOLE",
         width=image.width,

@@ -10,11 +10,12 @@ import numpy as np
 from nearfar.bench.workers import Workers
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
+from nearfar.maps.entries import OK, Indexed, MapImage
 from nearfar.maps.files import content_hash, has_state, name_of, state_of
 from nearfar.maps.keypoints import packed_keypoints
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
 from nearfar.maps.sources import Core, Tile, levels, open_image
-from nearfar.maps.store import OK, Indexed, MapImage, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.metrics import Meter, RunMetrics
 from nearfar.progress import Progress
 from nearfar.settings import Settings

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nearfar.maps.entries import MapImage
 from nearfar.maps.files import content_hash, file_of, is_unchanged
-from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.maps.world.views import View, ViewStore
 
 

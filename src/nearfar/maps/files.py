@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 
 from nearfar.errors import ImageError
+from nearfar.maps.entries import MapImage
 from nearfar.maps.sources import copied
-from nearfar.maps.store import MapImage
 from nearfar.storage import FileState, Location, Url, location
 
 SETTLED = 2 * 10**9

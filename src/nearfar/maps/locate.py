@@ -13,12 +13,13 @@ from nearfar.intrinsics import CameraIntrinsics
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
+from nearfar.maps.entries import MapImage
 from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.keypoints import unpacked_keypoints
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sources import copied, open_image
-from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.maps.verification import Place, localized_in, places
 from nearfar.maps.voting import candidates, votes_of
 from nearfar.maps.world.geotiff import geo_place

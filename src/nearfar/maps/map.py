@@ -11,11 +11,12 @@ from nearfar.intrinsics import CameraIntrinsics, CameraSource, read_camera
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.check import Problem, problems
+from nearfar.maps.entries import MapImage
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
 from nearfar.maps.sources import image_files
-from nearfar.maps.store import MapImage, MapStore
+from nearfar.maps.store import MapStore
 from nearfar.maps.world.colmap import ColmapModel
 from nearfar.maps.world.poses import Poses
 from nearfar.maps.world.views import View, ViewStore

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.maps.store import Block, MapStore
+from nearfar.maps.entries import Block
+from nearfar.maps.store import MapStore
 
 NONE = -1
 """Image of a hit that is missing, where the map has too few landmarks."""

@@ -9,12 +9,9 @@ import numpy as np
 
 from nearfar.errors import IntrinsicsError, MapError
 from nearfar.extras import require
-from nearfar.intrinsics import CameraIntrinsics
-from nearfar.maps.store import MapImage
+from nearfar.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.maps.entries import MapImage
 from nearfar.maps.world.views import View
-
-PIXEL_CENTRE = 0.5
-"""Coordinates of the centre of the top left pixel in COLMAP; here they are 0."""
 
 
 class ColmapModel:
@@ -95,7 +92,7 @@ class ColmapModel:
             self._pinhole(camera),
             world_from_camera[:, :3],
             world_from_camera[:, 3],
-            observed - PIXEL_CENTRE,
+            observed - COLMAP_PIXEL_CENTRE,
             np.array(points, np.float64).reshape(-1, 3),
         )
 
@@ -104,4 +101,4 @@ class ColmapModel:
             found = CameraIntrinsics(*camera.calibration_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]])
         except IntrinsicsError as error:
             raise MapError(f"the COLMAP model {self.folder}: {error}") from None
-        return replace(found, cx=found.cx - PIXEL_CENTRE, cy=found.cy - PIXEL_CENTRE)
+        return replace(found, cx=found.cx - COLMAP_PIXEL_CENTRE, cy=found.cy - COLMAP_PIXEL_CENTRE)

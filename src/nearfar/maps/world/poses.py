@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Matrix3
 from nearfar.errors import MapError
 from nearfar.intrinsics import CameraIntrinsics
-from nearfar.maps.store import MapImage
+from nearfar.maps.entries import MapImage
 from nearfar.maps.world.places import PoseFormat
 from nearfar.maps.world.views import View
 from nearfar.storage import Location

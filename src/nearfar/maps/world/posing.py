@@ -9,7 +9,7 @@ import numpy as np
 from nearfar.geometry.pose import RelativePose
 from nearfar.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.maps.answers import MapAnswer
-from nearfar.maps.store import MapImage
+from nearfar.maps.entries import MapImage
 from nearfar.maps.world.places import QueryPose
 from nearfar.maps.world.query_pose import query_pose
 from nearfar.maps.world.scene import ViewMatches

@@ -1,0 +1,194 @@
+"""How maps change: images added, replaced and removed, builds killed, several processes."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+
+from nearfar import MapError, SettingsError, open_map
+from nearfar.arrays import RGBPixels
+from nearfar.maps import manifest
+from nearfar.maps.store import MapStore
+from tests.conftest import KnownPair
+from tests.maps.conftest import content, write
+
+Pictures = Callable[[str], RGBPixels]
+
+
+def test_unchanged_images_are_skipped_and_changed_ones_replaced(
+    photos: Path, pictures: Pictures
+) -> None:
+    town = open_map(photos.parent / "map", create=True)
+    first = town.add([photos])
+    assert (first.added, first.replaced, first.unchanged, first.failed) == (8, 0, 0, ())
+    before = content(town.folder)
+    again = town.add([photos, photos / "coins.png"])
+    assert (again.added, again.replaced, again.unchanged) == (0, 0, 8)
+    assert content(town.folder) == before
+    write(photos / "coins.png", pictures("chelsea")[::-1])
+    changed = town.add([photos])
+    assert (changed.added, changed.replaced, changed.unchanged) == (0, 1, 7)
+    after = content(town.folder)
+    assert {name for name in after if after[name] != before[name]} == {"photos/coins.png"}
+    assert MapStore(town.folder).landmark_count() == sum(each.landmarks for each in town.images)
+    assert town.problems() == []
+
+
+def test_removing(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.MonkeyPatch) -> None:
+    town = open_map(photos.parent / "map", create=True)
+    town.add([photos / "astronaut.png", photos / "coffee.png", photos / "page.png"])
+    assert town.locate(small_close_up.near).located
+    with pytest.raises(MapError, match="nothing"):
+        town.remove(["photos/coffee.png", "nothing"])
+    assert len(town.images) == 3
+    monkeypatch.chdir(photos)
+    assert town.remove(["photos/astronaut.png", "page.png"]) == 2
+    assert [image.name for image in town.images] == ["photos/coffee.png"]
+    found = open_map(town.folder, max_effort="points").locate(small_close_up.near)
+    assert {candidate.image for candidate in found.candidates} == {"photos/coffee.png"}
+    assert town.problems() == []
+
+
+def test_an_image_that_cannot_be_read_is_recorded(photos: Path, pictures: Pictures) -> None:
+    broken = photos / "broken.jpg"
+    broken.write_bytes(b"\xff\xd8 no image")
+    town = open_map(photos.parent / "map", create=True)
+    added = town.add([photos / "coffee.png", broken])
+    assert (added.added, [name for name, _ in added.failed]) == (1, ["photos/broken.jpg"])
+    (image,) = [each for each in town.images if not each.usable]
+    assert (image.name, image.landmarks) == ("photos/broken.jpg", 0)
+    assert str(photos) not in image.status
+    assert [problem.image for problem in town.problems()] == ["photos/broken.jpg"]
+    write(photos / "good.png", pictures("coins")).rename(broken)
+    assert town.add([photos / "coffee.png", broken]).replaced == 1
+    assert all(each.usable for each in town.images)
+
+
+def test_files_that_vanish_or_change_are_told(
+    photos: Path, small_close_up: KnownPair, pictures: Pictures
+) -> None:
+    town = open_map(photos.parent / "map", create=True)
+    town.add([photos / "astronaut.png", photos / "coffee.png"])
+    (photos / "astronaut.png").unlink()
+    write(photos / "coffee.png", pictures("coins"))
+    said = {problem.image: problem.what for problem in town.problems()}
+    assert "missing" in said["photos/astronaut.png"]
+    assert "changed" in said["photos/coffee.png"]
+    found = town.locate(small_close_up.near)
+    assert not found.located
+    assert found.candidates[0].reason is not None
+    assert "missing or has changed" in found.candidates[0].reason
+
+
+def test_a_map_may_be_moved_with_its_images(
+    photos: Path, small_close_up: KnownPair, tmp_path: Path
+) -> None:
+    town = open_map(photos.parent / "map", create=True)
+    town.add([photos / "astronaut.png"])
+    moved = tmp_path / "else where é"
+    moved.mkdir()
+    photos.rename(moved / "photos")
+    (photos.parent / "map").rename(moved / "map")
+    found = open_map(moved / "map").locate(small_close_up.near)
+    assert [answer.image for answer in found.answers] == ["photos/astronaut.png"]
+
+
+BUILD = """
+import sys
+from nearfar import open_map
+from nearfar.maps import build
+build.LANDMARKS_PER_COMMIT = 1
+show = lambda done, of: print(done, flush=True)
+open_map(sys.argv[1], create=True).add([sys.argv[2]], progress=show)
+"""
+
+
+@pytest.mark.parametrize("done", [0, 1, 4])
+def test_a_build_that_is_killed_goes_on(photos: Path, small_town: Path, done: int) -> None:
+    """The map then is what an uninterrupted build makes."""
+    folder = photos.parent / "map"
+    with subprocess.Popen(
+        [sys.executable, "-c", BUILD, folder, photos], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if int(line) == done:
+                process.kill()
+    assert process.returncode < 0
+    partly = open_map(folder)
+    complete = content(small_town)
+    for name, said in content(folder).items():
+        assert said == complete[name]
+    partly.add([photos])
+    assert content(folder) == complete
+    assert partly.problems() == []
+
+
+def test_what_a_killed_writer_left_is_ignored_and_removed(small_town: Path, photos: Path) -> None:
+    """Landmarks and tiles without their image."""
+    folder = photos.parent / "map"
+    opened = open_map(folder, create=True)
+    opened.add([photos])
+    tables = MapStore(folder)
+    coins = next(each for each in tables.images() if each.name.endswith("coins.png"))
+    tables._images.delete(f"id = {coins.id}")
+    left = open_map(folder)
+    assert len(left.images) == 7
+    assert any(problem.image is None for problem in left.problems())
+    left.compact()
+    assert left.problems() == []
+    assert MapStore(folder).landmark_count() == sum(each.landmarks for each in left.images)
+    left.add([photos])
+    assert content(folder) == content(small_town)
+
+
+def test_a_second_writer_is_refused_and_readers_are_not(
+    photos: Path, small_close_up: KnownPair
+) -> None:
+    town = open_map(photos.parent / "map", create=True)
+    town.add([photos / "astronaut.png"])
+    with FileLock(photos.parent / "map" / "writer.lock"):
+        for change in (
+            lambda: town.add([photos]),
+            lambda: town.remove(["photos/astronaut.png"]),
+            town.compact,
+        ):
+            with pytest.raises(MapError, match="another process"):
+                change()
+        assert open_map(town.folder).locate(small_close_up.near).located
+    assert town.add([photos / "coffee.png"]).added == 1
+
+
+def test_a_reader_sees_the_map_as_it_was_opened(photos: Path, small_close_up: KnownPair) -> None:
+    writer = open_map(photos.parent / "map", create=True)
+    writer.add([photos / "astronaut.png"])
+    reader = open_map(writer.folder)
+    writer.remove(["photos/astronaut.png"])
+    writer.add([photos / "coffee.png"])
+    writer.compact()
+    assert reader.locate(small_close_up.near).located
+    assert [image.name for image in open_map(writer.folder).images] == ["photos/coffee.png"]
+
+
+def test_a_map_made_otherwise_is_refused(
+    town: Path, tmp_path: Path, close_up: KnownPair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(manifest, "landmark_network", lambda _: b"another")
+    with pytest.raises(MapError, match="descriptor model"):
+        open_map(town).locate(close_up.near)
+    with pytest.raises(MapError, match="descriptor model"):
+        open_map(town).add([tmp_path])
+    monkeypatch.undo()
+    with pytest.raises(MapError, match="max_size of 0, not 900"):
+        open_map(town, create=True, max_size=900)
+    with pytest.raises(SettingsError, match="adaptive"):
+        open_map(town, method="sift")
+    monkeypatch.setattr(manifest, "FORMAT", 3)
+    with pytest.raises(MapError, match="format 2.*nearfar map upgrade"):
+        open_map(town)
+    monkeypatch.setattr(manifest, "FORMAT", 1)
+    with pytest.raises(MapError, match="format 2.*reads and writes 1"):
+        open_map(town)
