@@ -4,7 +4,8 @@
 
 DATA holds `pairs/` and `train/`. The far images of all pairs with a homography are hidden among the
 training photographs, or among so many tiles of these; the near images are queries. The map is built
-in OUT where it is missing; results are appended to `OUT/rows.jsonl`. A run that was stopped goes on
+in OUT/photographs, or OUT/tiles-10000, where it is missing; results are appended to `rows.jsonl`
+beside it. A run that was stopped goes on
 where it was. Of the far images that show the scene of a query only that of its own pair counts; the
 others are left out. The last table is of the kite survey, the pairs `copr`.
 """
@@ -199,12 +200,13 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     parser.add_argument("--sets", nargs="+", help="sets of pairs that are queries; all")
     asked = parser.parse_args()
+    out = asked.out / (f"tiles-{asked.tiles}" if asked.tiles else "photographs")
     cases = [case for case in find_pairs(asked.data / "pairs") if case.model == "homography"]
     far = list(dict.fromkeys(case.far for case in cases))
     others = sorted((asked.data / "train").rglob("*.jpg"))
     if asked.tiles:
-        others = tiles_of(others, asked.tiles, asked.out / "tiles")
-    folder, results = asked.out / "map", asked.out / "rows.jsonl"
+        others = tiles_of(others, asked.tiles, out / "tiles")
+    folder, results = out / "map", out / "rows.jsonl"
     build([*far, *others], folder)
     judge = Judge(cases, folder)
     done = {(row["method"], row["case"]) for row in read_rows(results)}

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from nearfar.image import read_image
 from nearfar.maps import DEFAULTS
-from nearfar.maps.build import _indexed, _Task
+from nearfar.maps.build import LANDMARKS_PER_COMMIT, _indexed, _Task
 from nearfar.maps.entries import Indexed
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.locate import HITS
@@ -37,7 +37,6 @@ QUERY_VECTORS = 256
 PER_QUERY = 4
 """Queries that are timed."""
 MILLION = 1_000_000
-COMMIT = 50_000
 EXTRAPOLATED = (
     "add_seconds",
     "vector_bytes",
@@ -152,7 +151,7 @@ def commits(entries: Iterator[Indexed]) -> Iterator[list[Indexed]]:
     waiting: list[Indexed] = []
     for entry in entries:
         waiting.append(entry)
-        if sum(len(each.landmarks) for each in waiting) >= COMMIT:
+        if sum(len(each.landmarks) for each in waiting) >= LANDMARKS_PER_COMMIT:
             yield waiting
             waiting = []
     if waiting:
@@ -214,7 +213,7 @@ def main() -> None:
     asked = parser.parse_args()
     files = image_files([asked.images])
     chosen = [files[i] for i in np.linspace(0, len(files) - 1, asked.images_used).astype(int)]
-    some = len(chosen) // 10
+    some = max(1, len(chosen) // 10)
     mapped, unknown = chosen[:-some], chosen[-some:]
     for max_size in sorted({200, asked.max_size, 800, 1600}):
         entries, seconds = described(

@@ -137,7 +137,7 @@ def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
 def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
     """The pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
     try:
-        with _quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
+        with quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
             _check_limit(str(path), opened.width, opened.height, max_pixels)
             deep = _is_deep_colour(opened)
             opened.load()
@@ -205,7 +205,7 @@ def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 
 @contextmanager
-def _quiet_pillow() -> Iterator[None]:
+def quiet_pillow() -> Iterator[None]:
     """Lift Pillow's own pixel limit, which is global and below ours, and silence its warnings."""
     limit = PillowImage.MAX_IMAGE_PIXELS
     PillowImage.MAX_IMAGE_PIXELS = None

@@ -69,6 +69,17 @@ class Page:
     def all(self, selector: str) -> list[WebElement]:
         return self.driver.find_elements(By.CSS_SELECTOR, selector)
 
+    def click(self, selector: str) -> None:
+        """Click what a selector names, also where it is replaced meanwhile."""
+
+        def clicked() -> bool:
+            found = self.all(selector)
+            for each in found[:1]:
+                each.click()
+            return bool(found)
+
+        self.wait(clicked)
+
     def push(self, text: str, within: str = "body") -> None:
         """Click the button or link with a text."""
 
@@ -148,7 +159,7 @@ class ImageView:
         middle = np.array([canvas.size["width"] // 2, canvas.size["height"] // 2])
         scale, origin = self.transform()
         if (np.abs(point * scale + origin - middle) >= middle).any():
-            self.page.find("[aria-label^='Show whole images']").click()
+            self.page.click("[aria-label^='Show whole images']")
             scale, origin = self.transform()
         if scale < CLICKABLE_SCALE:
             x, y = np.rint(point * scale + origin - middle).astype(int).tolist()

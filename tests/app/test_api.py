@@ -114,6 +114,8 @@ def test_points_are_judged_as_the_benchmark_does(server: Server, known_pair: Kno
         ([], "4 more points needed"),
         ([([0, 0], [0, 0]), ([1, 1], [2, 2]), ([2, 2], [4, 4]), ([3, 3], [6, 6])], "on a line"),
         ([([5, 5], [5, 5])] * 6, "on a line"),
+        ([([0, 0], [0, 0]), ([9, 0], [9, 0]), ([18, 0], [18, 0]), ([0, 9], [0, 9])], "on a line"),
+        ([([0, 0], [0, 0]), ([0, 0], [0, 0]), ([9, 0], [9, 0]), ([0, 9], [0, 9])], "on a line"),
     ],
 )
 def test_points_that_determine_nothing_are_said_to(
@@ -217,3 +219,20 @@ def test_a_photograph_is_located_in_a_map(
     (answer,) = server.get(f"/api/jobs/{job['id']}/result")["answers"]
     assert answer["far"] == server.ref(photos / "astronaut.png")
     np.testing.assert_allclose(answer["footprint"][0], [99.5, 59.5], atol=2)
+
+
+def test_a_map_that_names_files_outside_the_served_folders_is_refused(
+    server: Server, known_pair: KnownPair, tmp_path: Path
+) -> None:
+    pytest.importorskip("lancedb")
+    from nearfar import open_map
+
+    Image.fromarray(known_pair.near).save(tmp_path / "secret.png")
+    town = server.folders[0] / "outside"
+    open_map(town, create=True).add([tmp_path / "secret.png"])
+    query = server.send(tmp_path / "secret.png")
+    request = {"kind": "locate", "folder": server.ref(town), "query": query}
+    job = ended(server, server.post("/api/jobs", request))
+    assert job["status"] == "failed"
+    assert "outside the folders" in job["error"]
+    assert str(tmp_path) not in job["error"]

@@ -55,7 +55,7 @@ def test_a_pair_is_localized_and_its_overlay_fits_the_truth(
     page.open("#/localize")
     page.wait(lambda: page.has("Where does the close-up lie?"))
     choose(page, files)
-    page.find("#localize").click()
+    page.click("#localize")
     page.wait(lambda: page.has("Found") and page.all(".viewer[data-ready]"))
     assert page.has("close-up.png in overview.png")
     far = ImageView(page, 0)
@@ -70,7 +70,7 @@ def test_a_pair_is_localized_and_its_overlay_fits_the_truth(
     expected = [*true.min(axis=0), *true.max(axis=0)]
     np.testing.assert_allclose(seen, expected, atol=4 + scale)
 
-    page.find("[data-mode=blend]").click()
+    page.click("[data-mode=blend]")
     page.wait(lambda: page.all(".viewer[data-overlay=ready]"))
     without_outline = page.find("[data-layer=outline]")
     without_outline.click()
@@ -98,14 +98,14 @@ def test_ten_points_are_marked_kept_and_exported(
 ) -> None:
     page.open("#/annotate")
     choose(page, files)
-    page.find("#annotate").click()
+    page.click("#annotate")
     page.wait(lambda: page.all(".editor[data-ready]"))
     note = server.get(f"/api/annotations/{page.driver.current_url.rpartition('/')[2]}")
     near = np.array(note["targets"])
     mark(page, transform(known_pair.far_from_near, near), near)
     page.wait(lambda: page.has("10 of 10") and page.has("Ten places are marked"))
 
-    page.find("[aria-label='Delete point 10']").click()
+    page.click("[aria-label='Delete point 10']")
     page.wait(lambda: page.has("9 of 10"))
     page.press("z", holding=Keys.CONTROL)
     page.wait(lambda: page.has("10 of 10") and page.find(".saved").text == "Saved")
@@ -113,7 +113,7 @@ def test_ten_points_are_marked_kept_and_exported(
     page.wait(lambda: page.all(".editor[data-ready]") and page.has("10 of 10"))
 
     (server.folders[0] / "pairs").mkdir()
-    page.find("#add-to-benchmark").click()
+    page.click("#add-to-benchmark")
     page.push(server.folders[0].name, "dialog")
     page.push("pairs", "dialog")
     page.wait(lambda: page.find("dialog .trail [aria-current=location]").text == "pairs")

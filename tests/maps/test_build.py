@@ -43,6 +43,7 @@ def test_removing(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.M
     assert town.locate(small_close_up.near).located
     with pytest.raises(MapError, match="nothing"):
         town.remove(["photos/coffee.png", "nothing"])
+    assert town.remove([]) == 0
     assert len(town.images) == 3
     monkeypatch.chdir(photos)
     assert town.remove(["photos/astronaut.png", "page.png"]) == 2

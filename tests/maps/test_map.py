@@ -149,6 +149,8 @@ def test_an_index(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.M
     assert MapStore(town.folder).indexed
     (answer,) = open_map(town.folder).locate(small_close_up.near).answers
     assert answer.image == "photos/astronaut.png"
+    town.remove([image.name for image in town.images if image.name != "photos/astronaut.png"])
+    assert town.compact()
 
 
 def test_importing_nearfar_does_not_import_the_store() -> None:

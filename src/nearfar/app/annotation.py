@@ -18,6 +18,8 @@ from nearfar.geometry.scale import scale_change
 
 LEAST = 4
 """Points that determine a homography."""
+LEAST_SINGULAR = 1e-5
+"""Ratio of singular values below which a system of equations counts as singular."""
 _ROWS = (3, 4, 3)
 """Target places in each row of the near image."""
 
@@ -105,7 +107,7 @@ def agreement(points: tuple[PointPair, ...]) -> Agreement:
 
 def fitted(far: Coordinates, near: Coordinates) -> Matrix3 | None:
     """The homography that maps near to far points best, by least squares; None where none does."""
-    if min(np.linalg.matrix_rank(xy - xy.mean(axis=0), tol=1e-3) for xy in (far, near)) < 2:
+    if not _determine(far, near):
         return None
     found, _ = cv2.findHomography(near, far, 0)
     if found is None or not np.isfinite(found).all():
@@ -113,6 +115,23 @@ def fitted(far: Coordinates, near: Coordinates) -> Matrix3 | None:
     homography = normalized(found)
     singular = np.linalg.svd(homography, compute_uv=False)
     return homography if singular[2] > 1e-12 * singular[0] else None
+
+
+def _determine(far: Coordinates, near: Coordinates) -> bool:
+    """Whether points determine a homography, as four do of which no three lie on a line.
+
+    The direct linear transform (Hartley and Zisserman, 2004, chapter 4) then has rank 8.
+    """
+    (x, y), (u, v) = (((xy - xy.mean(axis=0)) / (xy.std() + 1e-9)).T for xy in (near, far))
+    one, none = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.column_stack([x, y, one, none, none, none, -u * x, -u * y, -u]),
+            np.column_stack([none, none, none, x, y, one, -v * x, -v * y, -v]),
+        ]
+    )
+    singular = np.linalg.svd(rows, compute_uv=False)
+    return bool(singular[7] > LEAST_SINGULAR * singular[0])
 
 
 def targets(width: int, height: int) -> list[Point]:

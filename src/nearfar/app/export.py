@@ -18,7 +18,7 @@ from nearfar.app.files import write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
 from nearfar.geometry.scale import scale_change
-from nearfar.image import FORMATS
+from nearfar.image import FORMATS, quiet_pillow
 
 _SUFFIX = {"JPEG": ".jpg", "PNG": ".png", "TIFF": ".tif", "WEBP": ".webp", "BMP": ".bmp"}
 
@@ -116,14 +116,21 @@ def add_to_benchmark(
         raise HTTPException(409, f"{annotation.name} is a link: choose another name")
     if (pair / "pair.json").exists() and not replace:
         raise HTTPException(409, f"{folder.name} has a pair {annotation.name} already")
-    names = {}
+    names: dict[str, str] = {}
+    copies: dict[Path, Path] = {}
     for role, file in (("far", images.far), ("near", images.near)):
         if file.is_relative_to(folder):
             names[role] = Path(os.path.relpath(file, pair)).as_posix()
         else:
-            pair.mkdir(exist_ok=True)
             names[role] = f"{role}{_suffix(file)}"
-            shutil.copyfile(file, pair / names[role])
+            copies[pair / names[role]] = file
+    for target in copies:
+        if os.path.lexists(target) and not replace:
+            raise HTTPException(409, f"{annotation.name} has a {target.name} already")
+    pair.mkdir(exist_ok=True)
+    for target, file in copies.items():
+        target.unlink(missing_ok=True)  # It may be a link.
+        shutil.copyfile(file, target)
     out = pair / "pair.json"
     write_whole(out, pair_json(annotation, names["far"], names["near"]).encode())
     out.chmod(0o644)
@@ -149,7 +156,7 @@ def _suffix(file: Path) -> str:
     """Of the format that the content of an image is in."""
     from PIL import Image as PillowImage
 
-    with PillowImage.open(file, formats=FORMATS) as opened:
+    with quiet_pillow(), PillowImage.open(file, formats=FORMATS) as opened:
         return _SUFFIX.get(opened.format or "", ".ppm")
 
 

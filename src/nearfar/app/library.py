@@ -83,6 +83,11 @@ class Library:
         known = PillowImage.registered_extensions()
         self._suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
 
+    @property
+    def served(self) -> tuple[Path, ...]:
+        """The served folders, without links."""
+        return tuple(self._roots.values())
+
     def file(self, ref: str) -> Path:
         """The file of a reference.
 
@@ -90,7 +95,7 @@ class Library:
             HTTPException: 404, there is none, or it lies outside the served folders.
         """
         path = self._path(ref)
-        if not path.is_file():
+        if not os.path.isfile(path):  # noqa: PTH113 - takes any path, however long
             raise _missing(ref)
         return path
 
@@ -101,7 +106,7 @@ class Library:
             HTTPException: 404, there is none, or it lies outside the served folders.
         """
         path = self._path(ref)
-        if not path.is_dir():
+        if not os.path.isdir(path):  # noqa: PTH112
             raise _missing(ref)
         return path
 
@@ -114,7 +119,10 @@ class Library:
 
     def reference(self, path: Path) -> str | None:
         """The reference of a file or folder; None where it lies outside the served folders."""
-        resolved = path.resolve()
+        try:
+            resolved = path.resolve()
+        except (OSError, RuntimeError, ValueError):
+            return None
         for root in self._roots.values():
             if resolved.is_relative_to(root):
                 return _reference(root, resolved)

@@ -118,6 +118,7 @@ def map_result(found: MapLocalization, files: Mapping[str, str]) -> Json:
 def _map_answer(answer: MapAnswer, file: str) -> Json:
     return answer.to_dict() | {
         "file": file,
+        "scale_change": _finite(answer.scale_change),
         "steps": [
             _matches(answer.localization.step or "matches", answer.points, None) | {"answer": True}
         ],

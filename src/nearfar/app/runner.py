@@ -82,11 +82,23 @@ class Runner:
                 await self._more.wait()
                 while self._waiting:
                     self._running = self._waiting.popleft()
-                    await self._do(self._store.get(self._running))
+                    await self._kept(self._running)
                     self._running = None
                 self._more.clear()
         finally:
             await self._end_process()
+
+    async def _kept(self, job_id: str) -> None:
+        """Do a job; a disk that takes no more fails it alone."""
+        try:
+            await self._do(self._store.get(job_id))
+        except HTTPException:  # It was deleted meanwhile.
+            return
+        except OSError as error:
+            text = self._say(f"the job could not be kept: {error}")
+            with contextlib.suppress(HTTPException):
+                failed = self._store.get(job_id).with_(status="failed", ended=time.time())
+                self._store.note(failed.with_(stage=None, error=text))
 
     async def _do(self, job: Job) -> None:
         job = job.with_(status="running", started=time.time())
@@ -96,6 +108,7 @@ class Runner:
             async with asyncio.timeout(self._limits.job_seconds):
                 ended = await self._work(job, task)
         except HTTPException as error:
+            await self._end_process()  # Reports of a job that was deleted may be left in its pipe.
             ended = Ended(error=error.detail)
         except TimeoutError:
             await self._end_process()
@@ -124,6 +137,8 @@ class Runner:
         process = await self._started()
         if process.stdin is None or process.stdout is None:
             raise OSError("it has no pipes")
+        if self._store.get(job.id).status != "running":
+            return Ended(error="cancelled")
         process.stdin.write(task.model_dump_json().encode() + b"\n")
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()

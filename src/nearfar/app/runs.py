@@ -1,5 +1,6 @@
 """The rows of a folder of benchmark results, as a table."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,8 +92,11 @@ def read_run(folder: Path, library: Library) -> Run:
 
     Raises:
         BenchmarkError: there are none.
-        HTTPException: 413, they are too large.
+        HTTPException: 413, they are too large; 409, they are links.
     """
+    for file in (*folder.glob("*.jsonl"), *folder.glob("run.json")):
+        if file.is_symlink():
+            raise HTTPException(409, f"{file.name} is a link, which the app does not follow")
     if sum(file.stat().st_size for file in folder.glob("*.jsonl")) > LARGEST:
         raise HTTPException(413, f"the results are larger than {LARGEST // MEGABYTE} megabytes")
     benchmarks, record = load_benchmarks([folder]), load_record(folder)
@@ -139,7 +143,7 @@ def _reference(path: Path | None, folder: Path, library: Library) -> str | None:
         return None
     for place in (path, folder / path, folder.parent / path):
         reference = library.reference(place)
-        if reference is not None and place.is_file():
+        if reference is not None and os.path.isfile(place):  # noqa: PTH113
             return reference
     return None
 

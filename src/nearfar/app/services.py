@@ -75,6 +75,7 @@ class _Tasks:
             )
         return LocateTask(
             folder=self.library.folder(request.folder),
+            served=self.library.served,
             query=self.library.file(request.query),
             top=request.top,
             verify=request.verify,

@@ -40,6 +40,7 @@ class LocateTask(Message):
 
     Attributes:
         folder: of the map.
+        served: the folders in which the images of the map must lie.
         query: the image.
         top: answers that are sought.
         verify: places that are looked at.
@@ -49,6 +50,7 @@ class LocateTask(Message):
 
     kind: Literal["locate"] = "locate"
     folder: Path
+    served: tuple[Path, ...]
     query: Path
     top: int
     verify: int

@@ -16,10 +16,11 @@ from typing import Any
 from nearfar.app.files import write_whole
 from nearfar.app.results import Step, Steps, localization_result, map_result
 from nearfar.app.tasks import TASK, Ended, Entered, LocalizeTask, LocateTask, Message, Tried
-from nearfar.errors import NearfarError
+from nearfar.errors import MapError, NearfarError
 from nearfar.localizer import Localizer
 from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
+from nearfar.storage import Location
 
 CACHE_BYTES = 300_000_000
 """For features of the images used last."""
@@ -63,6 +64,11 @@ class Worker:
         town = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
         from nearfar.maps.files import file_of
 
+        if not all(_is_served(file_of(each.name, task.folder), task) for each in town.images):
+            raise MapError(
+                "the map names images outside the folders that the app serves: start it with the "
+                "folder of the photographs as well"
+            )
         found = town.locate(task.query, top=task.top, verify=task.verify)
         files = {answer.image: str(file_of(answer.image, task.folder)) for answer in found.answers}
         _write(task.result, map_result(found, files))
@@ -76,6 +82,13 @@ class Worker:
     def _tried(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
         self._tell(Tried(step=step.name, matches=len(step.far), agreeing=agreeing))
+
+
+def _is_served(file: Location, task: LocateTask) -> bool:
+    """Whether a file lies in a served folder, links followed."""
+    return isinstance(file, Path) and any(
+        file.resolve().is_relative_to(folder) for folder in task.served
+    )
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from nearfar.bench.workers import versions
 from nearfar.errors import BenchmarkError, StorageError
 from nearfar.metrics import RunMetrics
 from nearfar.networks.landmark_network import landmark_network
@@ -28,8 +29,6 @@ from nearfar.storage import Location, Url
 Row = dict[str, Any]
 """One line of a result file: one case and one method."""
 
-PACKAGES = ("numpy", "opencv-contrib-python-headless", "onnxruntime", "pillow", "poselib", "joblib")
-"""Packages whose versions are recorded, since they can change a result."""
 RECORD = "run.json"
 PART_SECONDS = 10.0
 """Rows for object storage are kept so long in memory; what a killed run loses there."""
@@ -223,7 +222,7 @@ def record_run(folder: Location, settings: Sequence[Settings]) -> None:
             "python": platform.python_version(),
             "platform": platform.platform(),
             "cpus": os.cpu_count(),
-            "packages": {name: _version(name) for name in PACKAGES},
+            "packages": versions(),
         },
         "settings": known.get("settings", {})
         | {settings_key(each): settings_table(each) for each in settings},
@@ -261,10 +260,3 @@ def _record(folder: Location, content: dict[str, Any]) -> None:
     incomplete = file.with_suffix(".incomplete")
     incomplete.write_text(text, encoding="utf-8")
     incomplete.replace(file)
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None

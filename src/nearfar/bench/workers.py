@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -49,6 +49,7 @@ PACKAGES = (
     "onnxruntime",
     "pillow",
     "poselib",
+    "lancedb",
 )
 """That must be the same everywhere, since they can change a result."""
 
@@ -293,16 +294,21 @@ def _check_versions(client: Any) -> None:
     own = versions()
     for worker, found in client.run(versions).items():
         for package, version in own.items():
-            if found[package] != version:
+            if found.get(package) != version:
+                there = found.get(package, "(none)")
                 raise BenchmarkError(
-                    f"the worker {worker} has {package} {found[package]}, here it is {version}: "
+                    f"the worker {worker} has {package} {there}, here it is {version}: "
                     f"install the same everywhere"
                 )
 
 
 def versions() -> dict[str, str]:
-    """The versions of `PACKAGES` in this process."""
-    return {name: importlib.metadata.version(name) for name in PACKAGES}
+    """The versions of those of `PACKAGES` that this process has."""
+    found = {}
+    for name in PACKAGES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found
 
 
 def _deaths() -> tuple[type[Exception], ...]:

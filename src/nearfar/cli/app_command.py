@@ -4,6 +4,7 @@ import secrets
 import webbrowser
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 from cyclopts import Parameter
 from rich.console import Console
@@ -68,7 +69,7 @@ def app_command(
     with listen(host, port) as listening:
         chosen = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host
-        address = f"http://{shown}:{chosen}/" + (f"?token={token}" if token else "")
+        address = f"http://{shown}:{chosen}/" + (f"?token={quote(token, safe='')}" if token else "")
         Console(emoji=False, highlight=False, soft_wrap=True).print(
             f"nearfar app: {address}", markup=False
         )

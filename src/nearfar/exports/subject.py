@@ -8,6 +8,7 @@ from PIL import Image as PillowImage
 
 from nearfar.errors import ExportError
 from nearfar.geometry.pose import RelativePose
+from nearfar.image import FORMATS, quiet_pillow
 from nearfar.intrinsics import Intrinsics
 from nearfar.localization import Localization
 
@@ -90,7 +91,7 @@ def _relative(paths: list[Path | None]) -> list[str]:
 
 
 def _check_stored_upright(path: Path) -> None:
-    with PillowImage.open(path) as opened:
+    with quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
         if opened.getexif().get(_EXIF_ORIENTATION, 1) != 1:
             raise ExportError(
                 f"{path} is displayed turned, by its EXIF orientation, which COLMAP and hloc do "

@@ -204,6 +204,8 @@ class MapStore:
     @storage_safe
     def remove(self, images: Collection[int]) -> None:
         """Remove images; must be called within `writing`."""
+        if not images:
+            return
         self._images.delete(f"id IN ({', '.join(map(str, images))})")
         self._remove_parts(images)
 
@@ -220,12 +222,11 @@ class MapStore:
             Whether there is an index.
         """
         least = INDEX_FROM if index_from is None else index_from
-        indexed = self.landmark_count() >= least
-        if indexed and not self.indexed:
+        if not self.indexed and self.landmark_count() >= least:
             self._landmarks.create_index("vector", config=IvfRq(distance_type="cosine"))
         for table in (self._images, self._tiles, self._landmarks):
             table.optimize(cleanup_older_than=KEPT, delete_unverified=True)
-        return indexed
+        return self.indexed
 
     @storage_safe
     def orphans(self) -> set[int]:

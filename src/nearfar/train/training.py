@@ -62,7 +62,7 @@ class Configuration:
 
 
 FULL = Configuration()
-"""What the shipped descriptor was trained with."""
+"""What the shipped descriptor was trained with, but for the steps: 15,971, stopped at 13,972."""
 
 SMALL = Configuration(
     steps=40, width=8, shapes=(BatchShape(64, 4, 4), BatchShape(128, 2, 2)), every=20

@@ -108,7 +108,7 @@ def export(
     checked_points(annotation)
     images = _images(held, annotation)
     if layout == "pair.json":
-        content = pair_json(annotation, images.far.name, images.near.name)
+        content = pair_json(annotation, annotation.far_name, annotation.near_name)
         return Response(content, media_type="application/json", headers=_attachment("pair.json"))
     with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made:
         out = Path(made.name)

@@ -19,9 +19,8 @@ from nearfar.bench.landmarks import SEARCHES, Search, has_feature_maps, run_land
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import Row
 from nearfar.bench.scale_curve import base_pairs
-from nearfar.bench.workers import Workers
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
-from nearfar.cli.options import WeightOptions, with_weights
+from nearfar.cli.options import DEFAULT_WORK, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import SettingsError
 from nearfar.extras import require
 from nearfar.settings import Settings
@@ -48,8 +47,7 @@ def landmarks_command(
     sets: _Names = (),
     sample: int = 0,
     weights: WeightOptions = (),
-    jobs: int = 1,
-    scheduler: str | None = None,
+    work: WorkOptions = DEFAULT_WORK,
     settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Measure how often descriptors find regions of the near image in the far one.
@@ -71,16 +69,14 @@ def landmarks_command(
         sets: Use the pairs of this set only, e.g. homogr; may be repeated.
         sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
-        jobs: Local processes that share the work.
-        scheduler: Address of a Dask scheduler, whose workers do the work instead.
     """
     require("bench", "matplotlib")
     common = with_weights(settings, weights)
     names = list(dict.fromkeys(descriptor or [settings.descriptor]))
     if baseline is not None and baseline not in names:
         raise SettingsError(f"--baseline {baseline} must be one of the descriptors compared")
-    if min(jobs, regions, dense_regions) < 1:
-        raise SettingsError("--jobs, --regions and --dense-regions must be at least 1")
+    if min(regions, dense_regions) < 1:
+        raise SettingsError("--regions and --dense-regions must be at least 1")
     counts: dict[Search, int] = {"boxes": regions, "dense": dense_regions}
     searches = [each for each in SEARCHES if not search or each in search]
     variants = [common.replace(descriptor=name) for name in names]
@@ -89,7 +85,7 @@ def landmarks_command(
         variants,
         out / "landmarks.jsonl",
         regions={each: counts[each] for each in searches},
-        workers=Workers(jobs, scheduler),
+        workers=work.begin(),
     )
     for each in searches:
         _report(each, tallies(rows, each), baseline, out, common.seed)
