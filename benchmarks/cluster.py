@@ -1,17 +1,19 @@
 """What a second worker gains, and what a cluster costs, on KITTI pairs.
 
-    python benchmarks/cluster.py KITTI SCRATCH [--sample 60] [--method sift-tuned] [--repeats 3]
+    python benchmarks/cluster.py KITTI SCRATCH [--sample 300] [--method sift-tuned] [--repeats 1]
 
 The same pairs with one and with two worker processes of a Dask cluster on this machine, and with
-two local processes; all have one thread each and are warm. The least of the repeats counts. Also
-how many results pass through the scheduler when a map is built. SCRATCH is made and removed.
+two local processes; all have one thread each, are warm, and share a feature store that is empty at
+first, as with `nearfar bench kitti`. The least of the repeats counts. Also how many results pass
+through the scheduler when a map is built of --map-images frames. SCRATCH is made and removed.
 """
 
 import argparse
+import itertools
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,10 @@ from nearfar.bench.run import run
 from nearfar.bench.workers import Workers
 from nearfar.cli.bench.options import sampled
 from nearfar.settings import Settings
+
+LOCAL, ONE, TWO = "two local processes", "cluster, one worker", "cluster, two workers"
+WARMING = 8
+"""Pairs that the workers have done before time is taken."""
 
 
 @contextmanager
@@ -36,34 +42,32 @@ def cluster(workers: int) -> Iterator[Any]:
         yield started
 
 
-def least(repeats: int, action: Callable[[Path], object], scratch: Path) -> float:
-    """Seconds of the fastest of several repeats, each into a folder of its own."""
-    seconds = []
-    for number in range(repeats + 1):
-        folder = scratch / str(number)
-        begun = time.perf_counter()
-        action(folder)
-        seconds.append(time.perf_counter() - begun)
-        shutil.rmtree(folder)
-    return min(seconds[1:])  # The first one warms up.
-
-
 def compared(
     cases: list[Case], settings: Settings, scratch: Path, repeats: int
 ) -> dict[str, float]:
-    """Seconds with each kind of workers."""
+    """Seconds with each kind of workers, which take turns."""
+    numbers = itertools.count()
 
-    def with_workers(workers: Workers) -> float:
-        def once(folder: Path) -> object:
-            return run(cases, [settings], folder / "kitti.jsonl", workers=workers)
+    def seconds(workers: Workers, some: list[Case]) -> float:
+        folder = scratch / str(next(numbers))
+        begun = time.perf_counter()
+        run(some, [settings], folder / "kitti.jsonl", workers=workers, features=folder / "features")
+        taken = time.perf_counter() - begun
+        shutil.rmtree(folder)
+        return taken
 
-        return least(repeats, once, scratch)
-
-    found = {"two local processes": with_workers(Workers(2))}
-    for count in (1, 2):
-        with cluster(count) as started:
-            workers = Workers(scheduler=started.scheduler_address)
-            found[f"cluster, {count} workers"] = with_workers(workers)
+    with cluster(1) as one, cluster(2) as two:
+        kinds = {
+            LOCAL: Workers(2),
+            ONE: Workers(scheduler=one.scheduler_address),
+            TWO: Workers(scheduler=two.scheduler_address),
+        }
+        found = dict.fromkeys(kinds, float("inf"))
+        for some in [cases[:WARMING]] + repeats * [cases]:
+            for name, workers in kinds.items():
+                taken = seconds(workers, some)
+                if some is cases:
+                    found[name] = min(found[name], taken)
     return found
 
 
@@ -89,24 +93,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("kitti", type=Path)
     parser.add_argument("scratch", type=Path)
-    parser.add_argument("--sample", type=int, default=60)
+    parser.add_argument("--sample", type=int, default=300)
     parser.add_argument("--method", default="sift-tuned")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=1)
+    parser.add_argument("--map-images", type=int, default=20)
     asked = parser.parse_args()
     asked.scratch.mkdir(parents=True)
     cases = sampled(find_kitti_cases(asked.kitti), asked.sample, 0)
-    images = sorted({case.far for case in cases})[:20]
+    images = sorted({case.far for case in cases})[: asked.map_images]
     try:
         found = compared(cases, Settings(method=asked.method), asked.scratch, asked.repeats)
-        one, two = found["cluster, 1 workers"], found["cluster, 2 workers"]
         print(
             json.dumps(
                 {
                     "pairs": len(cases),
                     "method": asked.method,
                     "seconds": {name: round(value, 2) for name, value in found.items()},
-                    "two workers over one": round(one / two, 2),
-                    "cluster over local processes": round(two / found["two local processes"], 3),
+                    "two workers over one": round(found[ONE] / found[TWO], 2),
+                    "cluster over local processes": round(found[TWO] / found[LOCAL], 3),
                     "map": through_scheduler(images, asked.scratch),
                 }
             )

@@ -3,8 +3,9 @@
     python benchmarks/map_scale.py IMAGES SCRATCH [--vectors 12000 50000 200000] [--max-size 400]
 
 IMAGES are described once; for larger maps their landmarks are taken again with other vectors, each
-turned at random so that its cosine with the real one is 0.8. Queries are the last tenth of IMAGES,
-which the maps do not hold. One JSON object a measurement; SCRATCH is left as it was.
+turned at random so that its cosine with the real one is 0.8. Queries are images that the maps do
+not hold. The line through the two smallest maps is compared with each larger one. One JSON object a
+measurement; SCRATCH is left as it was.
 """
 
 import argparse
@@ -174,7 +175,7 @@ def shared(exact: Hits, quick: Hits, count: int = 10) -> float:
 
 
 def extrapolated(costs: list[Cost], images: float, vectors: float) -> dict[str, float]:
-    """Each cost at another size, by the line through the smallest and the largest measured one."""
+    """Each cost at another size, by the line through the first and the last of those given."""
     small, large = costs[0], costs[-1]
 
     def at(name: str) -> float:
@@ -243,11 +244,10 @@ def main() -> None:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         say("map", **vars(costs[-1]), query_vectors=QUERY_VECTORS)
-    if len(costs) > 2:
-        last = costs[-1]
-        told = extrapolated(costs[:-1], last.images, last.vectors)
-        ratios = {name: told[name] / getattr(last, name) for name in EXTRAPOLATED}
-        say("largest map, as the smaller ones tell it, over as measured", **ratios)
+    for larger in costs[2:]:
+        told = extrapolated(costs[:2], larger.images, larger.vectors)
+        ratios = {name: told[name] / getattr(larger, name) for name in EXTRAPOLATED}
+        say("as the two smallest maps tell it, over as measured", vectors=larger.vectors, **ratios)
     per_image = costs[-1].vectors / costs[-1].images
     for images in (MILLION * 100 / per_image, float(MILLION)):
         say("extrapolated", **extrapolated(costs, images, images * per_image))

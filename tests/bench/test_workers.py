@@ -38,6 +38,16 @@ def die_once(task: tuple[int, Path]) -> int:
     return number
 
 
+KEPT: list[bytes] = []
+
+
+def keep(megabytes: int) -> int:
+    """Grow, as a worker does whose features are kept, and take long enough to be looked at."""
+    KEPT.append(b"x" * (megabytes * 10**6))
+    time.sleep(1.1)
+    return os.getpid()
+
+
 def no_result(task: tuple[int, Path]) -> int:
     return -task[0]
 
@@ -56,6 +66,10 @@ def test_one_deadly_task_is_lost_and_no_other() -> None:
 def test_a_worker_that_dies_by_accident_loses_nothing(tmp_path: Path) -> None:
     tasks = [(number, tmp_path) for number in range(20)]
     assert sorted(Workers(2).run(die_once, tasks, no_result)) == list(range(20))
+
+
+def test_workers_that_keep_much_go_on() -> None:
+    assert len(set(Workers(2).run(keep, [310] * 6, gave_up))) == 2
 
 
 def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

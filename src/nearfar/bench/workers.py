@@ -6,6 +6,7 @@ worker that dies loses its task alone. Joblib's own `Parallel` gives up all task
 
 import importlib.metadata
 import logging
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -154,7 +155,8 @@ class Workers:
 
             # A single process would be this one.
             slots = max(2, self.jobs)
-            yield _Pool(get_reusable_executor(slots, env=THREADS), lambda: slots)
+            pool = get_reusable_executor(slots, env=THREADS, initializer=_keep_caches)
+            yield _Pool(pool, lambda: slots)
             return
         require("cluster", "distributed")
         with _client(self.scheduler) as client:
@@ -332,6 +334,13 @@ def _lost() -> tuple[type[BaseException], ...]:
     except ImportError:
         return (CancelledError,)
     return (CancelledError, CommClosedError, ClosedClientError, FutureCancelledError)
+
+
+def _keep_caches() -> None:
+    """Let a local process grow: joblib takes features that are kept for a leak and ends it."""
+    from joblib.externals.loky import process_executor
+
+    process_executor._MAX_MEMORY_LEAK_SIZE = math.inf
 
 
 def _done(function: Callable[[T], R], task: T) -> tuple[R, Work]:
