@@ -130,6 +130,8 @@ class Map:
     ) -> Added:
         """Add images; those that are there already are left, those that have changed replaced.
 
+        Where 200,000 landmarks have no index, one is built.
+
         Args:
             images: files, and folders, of which all images are added; paths, or URLs of object
                 storage.
@@ -150,7 +152,9 @@ class Map:
         files = image_files(map(location, images))
         workers = Workers(jobs, scheduler)
         with self._changing():
-            return add_images(self._store, files, self.settings, workers, progress)
+            added = add_images(self._store, files, self.settings, workers, progress)
+            self._store.index()
+            return added
 
     def add_model(self, model: ColmapModel, images: ImageFiles) -> int:
         """Attach cameras, poses and points of a COLMAP model to images of the map.

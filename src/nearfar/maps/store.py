@@ -31,7 +31,7 @@ from nearfar.maps.sources import Tile
 from nearfar.storage import Location, Url, storage_errors
 
 INDEX_FROM = 200_000
-"""Landmarks from which on `compact` builds an index; comparing with fewer takes less time."""
+"""Landmarks without an index from which on one is built; comparing with fewer takes less time."""
 KEPT = timedelta(hours=1)
 """How long files stay that only readers of an older state of the map need."""
 PROBES, COMPARED = 20, 80
@@ -158,7 +158,7 @@ class MapStore:
 
     @storage_safe
     def like(self, vectors: NDArray[np.float16]) -> Likeness:
-        """The landmarks most like some vectors by the index, `COMPARED` of each or fewer."""
+        """The landmarks most like (N, D) vectors by the index, `COMPARED` of each or fewer."""
         queries = vectors.astype(np.float32)
         asked = self._landmarks.search(queries).distance_type("cosine").nprobes(PROBES)
         found = asked.limit(COMPARED).with_row_id(True).select(["_distance"]).to_arrow()
@@ -210,20 +210,34 @@ class MapStore:
         self._remove_parts(images)
 
     @storage_safe
+    def index(self, index_from: int | None = None) -> None:
+        """Index the landmarks where many have no index; must be called within `writing`.
+
+        Args:
+            index_from: how many are many; None: `INDEX_FROM`.
+        """
+        least = INDEX_FROM if index_from is None else index_from
+        indices = self._landmarks.list_indices()
+        if indices:
+            statistics = self._landmarks.index_stats(indices[0].name)
+            if statistics is not None and statistics.num_unindexed_rows >= max(least, 1):
+                self._landmarks.optimize()
+        elif self.landmark_count() >= least:
+            self._landmarks.create_index("vector", config=IvfRq(distance_type="cosine"))
+
+    @storage_safe
     def compact(self, index_from: int | None = None) -> bool:
         """Merge the files of the tables, remove what is not needed, index many landmarks.
 
         Must be called within `writing`.
 
         Args:
-            index_from: landmarks from which on an index is built; None: `INDEX_FROM`.
+            index_from: see `index`.
 
         Returns:
             Whether there is an index.
         """
-        least = INDEX_FROM if index_from is None else index_from
-        if not self.indexed and self.landmark_count() >= least:
-            self._landmarks.create_index("vector", config=IvfRq(distance_type="cosine"))
+        self.index(index_from)
         for table in (self._images, self._tiles, self._landmarks):
             table.optimize(cleanup_older_than=KEPT, delete_unverified=True)
         return self.indexed
