@@ -19,6 +19,7 @@ from nearfar.bench.run import run
 from nearfar.bench.sweep import Grid, Result, first_pairs, run_sweep, sweep_table
 from nearfar.bench.tap_features import TapFeatures, taps_of
 from nearfar.bench.vector_file import VectorFile
+from nearfar.bench.workers import Workers
 from nearfar.cli import main
 from nearfar.descriptors import unit_rows
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
@@ -163,6 +164,20 @@ def test_a_sweep_resumes(case: Case, settings: Settings, tmp_path: Path) -> None
     assert run_sweep([case], grid, settings, file, disk_bytes=0) == results
     assert without_seconds(read_rows(file)) == without_seconds([json.loads(line) for line in lines])
     assert sorted(path.suffix for path in file.parent.iterdir()) == [".json", ".jsonl"]
+
+
+def test_workers_find_the_same(known_pair: KnownPair, settings: Settings, tmp_path: Path) -> None:
+    for name in ("one", "two", "three"):
+        write_pair(tmp_path / "pairs" / name, known_pair)
+    cases, grid = find_pairs(tmp_path / "pairs"), Grid("squeezenet", ("fire4",), (64, 32))
+    found = []
+    for jobs in (1, 2):
+        file = tmp_path / str(jobs) / "sweep_pairs.jsonl"
+        run_sweep(cases, grid, settings, file, disk_bytes=GIGABYTE, workers=Workers(jobs))
+        rows = sorted(read_rows(file), key=lambda row: (row["case"], row["descriptor"]))
+        found.append(without_seconds(rows))
+        assert len(rows) == 6
+    assert found[0] == found[1]
 
 
 def without_seconds(rows: list[Row]) -> list[Row]:

@@ -67,3 +67,10 @@ def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
         reason = f"{type(error).__name__}: {error}"
         return row | {"status": "error", "reason": reason} | failure_columns(case)
     return row | {name: answer[name] for name in _KEPT} | errors
+
+
+def died_row(case: Case, settings: Settings, key: str, descriptor: str | None) -> Row:
+    """The row of a case that killed its worker; arguments as those of `identity`."""
+    reason = "the process that localized it died"
+    row = identity(case, settings, key, descriptor)
+    return row | {"status": "error", "reason": reason} | failure_columns(case)

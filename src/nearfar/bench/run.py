@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nearfar import logs
-from nearfar.bench.case_row import identity, localized_row
+from nearfar.bench.case_row import died_row, localized_row
 from nearfar.bench.cases import Case
-from nearfar.bench.evaluate import failure_columns
 from nearfar.bench.feature_store import FeatureStore
 from nearfar.bench.rows import (
     Row,
@@ -103,9 +102,7 @@ def localize_case(task: Task) -> Row:
 
 def _died(task: Task) -> Row:
     """The row of a case that killed its worker."""
-    row = identity(task.case, task.settings, task.key, task.descriptor)
-    reason = "the process that localized it died"
-    return row | {"status": "error", "reason": reason} | failure_columns(task.case)
+    return died_row(task.case, task.settings, task.key, task.descriptor)
 
 
 @functools.lru_cache(maxsize=1)

@@ -1,22 +1,29 @@
 """The paper's sweep: method `paper` with every layer and crop size of a network (section IV)."""
 
+import functools
 import json
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
-from rich.progress import Progress
-
-from nearfar.bench.case_row import localized_row
+from nearfar.bench.case_row import died_row, localized_row
 from nearfar.bench.cases import Case
-from nearfar.bench.rows import Row, RowFile, read_rows, record_run, settings_key
+from nearfar.bench.rows import (
+    Row,
+    RowFile,
+    read_rows,
+    record_metrics,
+    record_run,
+    settings_key,
+)
 from nearfar.bench.tables import distinct, markdown
 from nearfar.bench.tap_features import NETWORKS, Tap, TapFeatures, TapMethod, taps_of
+from nearfar.bench.workers import Workers
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
 from nearfar.localizer import Localizer
+from nearfar.metrics import Meter
+from nearfar.progress import shown_progress
 from nearfar.registry import ESTIMATORS
 from nearfar.settings import Settings
 from nearfar.weights import weights_file
@@ -85,21 +92,52 @@ class Result:
     loose: int | None
 
 
+@dataclass(frozen=True)
+class _Sources:
+    """What the localizers of a sweep share.
+
+    Attributes:
+        variants: method, descriptor and settings of each configuration.
+        folder: where vectors lie while they are needed.
+        disk_bytes: limit on their size.
+    """
+
+    variants: tuple[Settings, ...]
+    folder: Path
+    disk_bytes: int
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A case, and the configurations that it still lacks."""
+
+    case: Case
+    wanted: tuple[Settings, ...]
+    sources: _Sources
+
+
 def run_sweep(
-    cases: Sequence[Case], grid: Grid, settings: Settings, file: Path, *, disk_bytes: int
+    cases: Sequence[Case],
+    grid: Grid,
+    settings: Settings,
+    file: Path,
+    *,
+    disk_bytes: int,
+    workers: Workers | None = None,
 ) -> list[Result]:
     """Localize every case with every configuration whose weights are there.
 
-    Proposals and points of an image are computed once and each network runs once for each size.
-    What the result file holds already is skipped. The rows are those of method `paper`; the times
-    of shared stages stand in the row that came first.
+    Proposals and points of an image are computed once in each worker, and each network runs once
+    for each size. What the result file holds already is skipped. The rows are those of method
+    `paper`; the times of shared stages stand in the row that came first.
 
     Args:
         cases: the cases; those that share an image should follow each other.
         grid: the configurations.
         settings: all but method and descriptor.
         file: JSON Lines, one line a case and configuration; made where missing.
-        disk_bytes: limit on the vectors kept beside the file during the run.
+        disk_bytes: limit on the vectors that each worker keeps beside the file during the run.
+        workers: where the work is done, one case at a time; None: this process.
 
     Raises:
         WeightsError: a weights file is damaged or not of its network.
@@ -109,22 +147,42 @@ def run_sweep(
     variants = {name: settings.replace(method="paper", descriptor=name) for name in ready}
     keys = {name: settings_key(variant) for name, variant in variants.items()}
     rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
-    todo = [(case, name) for case in cases for name in ready if (case.name, keys[name]) not in rows]
-    with RowFile(file) as out:
+    sources = _Sources(tuple(variants.values()), file.parent, disk_bytes)
+    tasks = []
+    for case in cases:
+        wanted = tuple(variants[name] for name in ready if (case.name, keys[name]) not in rows)
+        if wanted:
+            tasks.append(_Task(case, wanted, sources))
+    meter = Meter()
+    with RowFile(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, list(variants.values()))
-        localizers = _localizers(variants, settings, file.parent, disk_bytes) if todo else {}
-        console = Console(stderr=True)
-        with Progress(console=console, disable=not sys.stderr.isatty()) as progress:
-            for case, name in progress.track(todo, description=file.stem):
-                row = localized_row(case, localizers[name], keys[name])
+        for found in (workers or Workers()).run(_rows, tasks, _died, meter):
+            for row in found:
                 out.append(row)
-                rows[case.name, keys[name]] = row
+                rows[row["case"], row["settings"]] = row
+            show(meter.done, len(tasks))
+    if tasks:
+        record_metrics(file.parent, file.name, meter.metrics())
     return [
         _result(file.stem, name, [rows[case.name, keys[name]] for case in cases])
         if name in keys
         else Result(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
         for name in grid.descriptors
     ]
+
+
+def _rows(task: _Task) -> list[Row]:
+    """The rows of one case."""
+    localizers = _localizers(task.sources)
+    return [
+        localized_row(task.case, localizers[each.descriptor], settings_key(each))
+        for each in task.wanted
+    ]
+
+
+def _died(task: _Task) -> list[Row]:
+    """The rows of a case that killed its worker."""
+    return [died_row(task.case, each, settings_key(each), each.descriptor) for each in task.wanted]
 
 
 def _lacks_weights(descriptor: str, settings: Settings) -> bool:
@@ -139,13 +197,14 @@ def _lacks_weights(descriptor: str, settings: Settings) -> bool:
     return False
 
 
-def _localizers(
-    variants: Mapping[str, Settings], settings: Settings, folder: Path, disk_bytes: int
-) -> dict[str, Localizer]:
+@functools.lru_cache(maxsize=1)
+def _localizers(sources: _Sources) -> dict[str, Localizer]:
     """One localizer a configuration; they share features, and hold none themselves."""
+    variants = {each.descriptor: each for each in sources.variants}
+    some = sources.variants[0]
     taps = [tap for name in variants for tap in taps_of(name)]
-    features = TapFeatures(taps, settings, folder, disk_bytes)
-    estimator = ESTIMATORS.create(settings.estimator, settings)
+    features = TapFeatures(taps, some, sources.folder, sources.disk_bytes)
+    estimator = ESTIMATORS.create(some.estimator, some)
     return {
         name: Localizer(
             variant, cache_bytes=0, engine=TapMethod(features, taps_of(name), estimator)

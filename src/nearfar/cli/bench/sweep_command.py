@@ -10,7 +10,7 @@ from nearfar.bench.kitti import find_kitti_cases
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
-from nearfar.cli.options import WeightOptions, with_weights
+from nearfar.cli.options import DEFAULT_WORK, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import BenchmarkError
 
 _Several = Parameter(negative="", consume_multiple=True, show_default=False)
@@ -30,6 +30,7 @@ def sweep_command(
     sample: int = 0,
     disk_gigabytes: float = 20.0,
     weights: WeightOptions = (),
+    work: WorkOptions = DEFAULT_WORK,
     settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Compare all layers and crop sizes of a network as landmark descriptors of method `paper`.
@@ -50,7 +51,7 @@ def sweep_command(
         sequence: KITTI sequence.
         first: Use only so many of its pairs, the first ones; 0: all.
         sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
-        disk_gigabytes: Limit on the descriptors that OUT holds during the run.
+        disk_gigabytes: Limit on the descriptors of each worker that OUT holds during the run.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     if pairs is None and kitti is None:
@@ -63,10 +64,10 @@ def sweep_command(
     if kitti is not None:
         cases = first_pairs(find_kitti_cases(kitti), sequence, first)
         benchmarks["sweep_kitti"] = sampled(cases, sample, common.seed)
-    results = []
+    workers, disk_bytes, results = work.begin(), int(disk_gigabytes * 1e9), []
     for name, cases in benchmarks.items():
         file = out / f"{name}.jsonl"
-        results += run_sweep(cases, grid, common, file, disk_bytes=int(disk_gigabytes * 1e9))
+        results += run_sweep(cases, grid, common, file, disk_bytes=disk_bytes, workers=workers)
     write_summary(results, out)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("Strict successes / pairs:\n\n" + sweep_table(grid, results), markup=False)
