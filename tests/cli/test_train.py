@@ -1,4 +1,5 @@
 import hashlib
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from PIL import Image
 
 from nearfar.arrays import RGBPixels
+from nearfar.bench.rows import read_rows
 from nearfar.cli import main
 from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
@@ -33,6 +35,11 @@ def test_trains_a_descriptor_that_can_be_used(
     boxes = np.array([[0, 0, 100, 80]], np.int32)
     length = np.linalg.norm(descriptor.describe(photograph("coffee"), boxes).astype(float))
     assert abs(length - 1) < 1e-2
+    by_processes = [*command[:-2], str(tmp_path / "other"), command[-1], "--steps", "4"]
+    nearfar = [sys.executable, "-m", "nearfar"]
+    subprocess.run([*nearfar, *by_processes, "--jobs", "1"], check=True, timeout=120)
+    for one, other in zip(read_rows(out / "log.jsonl"), read_rows(tmp_path / "other" / "log.jsonl"), strict=True):
+        assert one["landmark_loss"] == pytest.approx(other["landmark_loss"], rel=1e-3)
     assert main([*command, "--steps", "5"]) == 2
     assert "another folder" in capsys.readouterr().err
 

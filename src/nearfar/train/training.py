@@ -111,10 +111,9 @@ def train(
             steps=configuration.steps,
         )
         start = time.perf_counter()
-        with RowFile(out / LOG) as log:
-            loader = DataLoader(
-                batches, batch_size=None, num_workers=jobs, worker_init_fn=_on_one_core
-            )
+        # Set before the processes are forked: those of a parent with threads of OpenCV would hang.
+        with RowFile(out / LOG) as log, _opencv_on_one_core():
+            loader = DataLoader(batches, batch_size=None, num_workers=jobs)
             for step, batch in enumerate(loader, start=first + 1):
                 trained.step(batch, step)
                 row = None
@@ -200,10 +199,6 @@ class _Training:
         return int(state["step"])
 
 
-def _on_one_core(_: int) -> None:
-    cv2.setNumThreads(1)
-
-
 def learning_rate(configuration: Configuration, step: int) -> float:
     """The learning rate of a step, counted from 1."""
     done = step / configuration.steps
@@ -229,6 +224,16 @@ def _check_configuration(
             "another folder"
         )
     file.write_text(text, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def _opencv_on_one_core() -> Iterator[None]:
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 @contextlib.contextmanager
