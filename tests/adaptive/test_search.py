@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nearfar.adaptive.hypothesis import Hypothesis
-from nearfar.adaptive.search import pyramid, search, templates
+from nearfar.adaptive.search import MOST_PIXELS_ENLARGED, enlarged, pyramid, search, templates
 from nearfar.adaptive.zoom import local_scale
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.descriptors.hog import HOG
@@ -75,6 +75,32 @@ def test_the_best_place_scale_and_rotation(
     assert abs(turned) < np.radians(23)
     assert found[0].support > 1.1 * found[1].support
     assert {each.source for each in found} == {"landmarks"}
+
+
+@pytest.mark.parametrize("name", CROPS)
+def test_what_is_thirty_pixels_large_is_found_enlarged(
+    name: str, photograph: Callable[[str], RGBPixels]
+) -> None:
+    image = photograph(name)
+    far, far_from_photograph = reduced(image, 8)
+    near, photograph_from_near = crop_and_turn(image, name, 0)
+    height, width = near.shape[:2]
+    larger = enlarged(pyramid(far, HOG_MAPS), far, HOG_MAPS)
+    best = search(larger, templates(near, HOG_MAPS), (width, height), 1)[0].far_from_near
+    centre = np.array([[(width - 1) / 2, (height - 1) / 2]])
+    truth = far_from_photograph @ photograph_from_near
+    away = np.linalg.norm(transform(best, centre) - transform(truth, centre))
+    assert away < 0.15 * np.hypot(width, height) / 8
+
+
+@pytest.mark.parametrize("side", [40, 1600])
+def test_enlarged_levels_continue_a_pyramid(side: int) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (side, side, 3), np.uint8)
+    base = pyramid(image, HOG_MAPS)
+    scales = [level.level_from_image[0, 0] for level in enlarged(base, image, HOG_MAPS).levels]
+    first = base.levels[0].level_from_image[0, 0]
+    np.testing.assert_allclose(scales, [first * 2 ** (step / 3) for step in (1, 2, 3)], rtol=0.03)
+    assert (scales[-1] * side) ** 2 < 1.05 * MOST_PIXELS_ENLARGED
 
 
 def test_hypotheses_differ_and_come_best_first(photograph: Callable[[str], RGBPixels]) -> None:

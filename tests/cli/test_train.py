@@ -23,6 +23,8 @@ def test_trains_a_descriptor_that_can_be_used(
     photographs.mkdir()
     for name in ("astronaut", "coffee", "chelsea"):
         Image.fromarray(photograph(name)).save(photographs / f"{name}.png")
+    large = Image.fromarray(photograph("coffee")).resize((2400, 1600))
+    large.save(photographs / "coffee.png")  # OpenCV reduces it with threads; see training.py.
     (photographs / "broken.jpg").write_bytes(b"\xff\xd8")
     command = ["train", "descriptor", str(photographs), "--out", str(out), "--small"]
     assert main([*command, "--steps", "4", "--jobs", "0"]) == 0

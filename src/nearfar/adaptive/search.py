@@ -6,7 +6,7 @@ image's landmarks but searched for, at every place, scale and rotation.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -32,6 +32,8 @@ LARGEST, SMALLEST, STEP = 1.6, 0.1, 2 ** (1 / 3)
 """Scales of the far image's pyramid."""
 MOST_PIXELS = 3_000_000
 """Of a level; bounds the memory of the network."""
+LARGEST_ENLARGED, MOST_PIXELS_ENLARGED = 3.2, 12_000_000
+"""The same of the levels above, for what is only a few dozen pixels large in the far image."""
 APART = 0.25
 """Peaks closer than this share of the template's diagonal, at nearly the same scale and rotation,
 are one."""
@@ -88,13 +90,28 @@ def pyramid(pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
     """The feature maps of an image at many scales; none for an image of a few pixels."""
     scales = _scales(*pixels.shape[:2])
     mean, basis = _principal_components(pixels, scales[len(scales) // 2], descriptor)
-    levels = []
-    for scale in scales if basis.size else []:
-        matrix, features = _features(pixels, scale, descriptor)
-        own = features.values
-        vectors = _unit((own - own.mean(axis=(0, 1))) @ basis)
-        levels.append(Level(matrix, vectors, features.stride))
+    used = scales if basis.size else []
+    levels = [_level(pixels, scale, descriptor, basis) for scale in used]
     return Pyramid(levels, mean, basis)
+
+
+def enlarged(base: Pyramid, pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
+    """The levels above those of an image's pyramid, of which each costs more than all of that."""
+    height, width = pixels.shape[:2]
+    first = _scales(height, width)[0]
+    largest = min(LARGEST_ENLARGED, math.sqrt(MOST_PIXELS_ENLARGED / (height * width)))
+    steps = range(1, 1 + math.floor(math.log(largest / first, STEP) + 1e-6)) if base.levels else ()
+    levels = [_level(pixels, first * STEP**step, descriptor, base.basis) for step in steps]
+    return replace(base, levels=levels)
+
+
+def _level(
+    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor, basis: NDArray[np.float32]
+) -> Level:
+    matrix, features = _features(pixels, scale, descriptor)
+    own = features.values
+    vectors = _unit((own - own.mean(axis=(0, 1))) @ basis)
+    return Level(matrix, vectors, features.stride)
 
 
 def _principal_components(

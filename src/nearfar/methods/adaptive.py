@@ -12,7 +12,7 @@ from nearfar.adaptive.confidence import confidence
 from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
 from nearfar.adaptive.nearest import Nearest, nearest_both_ways
-from nearfar.adaptive.search import Pyramid, pyramid, search, templates
+from nearfar.adaptive.search import Pyramid, enlarged, pyramid, search, templates
 from nearfar.adaptive.sources import from_region_views, from_views, seen_from_aside
 from nearfar.adaptive.views import ALL_AROUND, FEW, MORE
 from nearfar.adaptive.votes import hypotheses, local_support, tentative_matches
@@ -221,12 +221,16 @@ class Adaptive:
             voted = hypotheses(tentative, VOTED, "votes")
         yield voted[:2]
         with timer.stage("landmark search"):
-            sought = search(
-                self._pyramid(far), templates(near.pixels, self._descriptor), near.size, SOUGHT
-            )
+            turned = templates(near.pixels, self._descriptor)
+            sought = search(self._pyramid(far), turned, near.size, SOUGHT)
         pair.sought.extend(sought)
         yield sought
         yield voted[2:]
+        with timer.stage("landmark search"):
+            larger = enlarged(self._pyramid(far), far.pixels, self._descriptor)
+            smallest = search(larger, turned, near.size, SOUGHT)
+        pair.sought.extend(smallest)
+        yield smallest
         if pair.task.model != "homography" or not self._may("views"):
             return
         for views in (FEW, MORE):
