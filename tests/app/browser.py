@@ -92,6 +92,16 @@ class Page:
 
         self.wait(pushed)
 
+    def choose(self, files: tuple[Path, Path]) -> None:
+        """Give the far and the near image."""
+        for chooser, file in zip(self.all("input[type=file]"), files, strict=True):
+            chooser.send_keys(str(file))
+        self.wait(lambda: len(self.all(".slot-caption")) == 2)
+
+    @property
+    def focused(self) -> WebElement:
+        return self.driver.switch_to.active_element
+
     def has(self, text: str) -> bool:
         return text in self.driver.find_element(By.TAG_NAME, "body").text
 

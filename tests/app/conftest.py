@@ -9,10 +9,18 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlsplit
 
 import pytest
+from PIL import Image
+
+from tests.conftest import KnownPair
+
+if TYPE_CHECKING:
+    from selenium import webdriver
+
+    from tests.app.browser import Page
 
 pytest.importorskip("fastapi")
 pytest.importorskip("uvicorn")
@@ -136,6 +144,12 @@ class Server:
         return "/".join((base, *path.relative_to(root).parts))
 
 
+def children(pid: int) -> list[int]:
+    """The processes that a process has started."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that the server of a module serves."""
@@ -148,3 +162,32 @@ def server(served: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[S
     running = Server([served], tmp_path_factory.mktemp("data")).start()
     yield running
     running.stop()
+
+
+@pytest.fixture(scope="session")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> "Iterator[webdriver.Chrome]":
+    """A browser; skips where there is none."""
+    from tests.app.browser import start
+
+    running = start(tmp_path_factory.mktemp("profile"))
+    yield running
+    running.quit()
+
+
+@pytest.fixture
+def page(server: Server, driver: "webdriver.Chrome") -> "Page":
+    """A page of the server in the browser."""
+    from tests.app.browser import Page
+
+    fresh = Page(driver, server.address)
+    fresh.errors()  # Those of the test before.
+    return fresh
+
+
+@pytest.fixture
+def files(known_pair: KnownPair, served: Path) -> tuple[Path, Path]:
+    """overview.png and close-up.png in the served folder."""
+    paths = served / "overview.png", served / "close-up.png"
+    for path, pixels in zip(paths, (known_pair.far, known_pair.near), strict=True):
+        Image.fromarray(pixels).save(path)
+    return paths

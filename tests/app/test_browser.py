@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -16,37 +15,11 @@ from selenium.webdriver.common.keys import Keys
 
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.geometry.homography import footprint, transform
-from tests.app.browser import ImageView, Page, start
-from tests.app.conftest import Server
+from tests.app.browser import ImageView, Page
+from tests.app.conftest import Server, children
 from tests.conftest import KnownPair
 
 OUTLINE = np.array([0xFF, 0x7A, 0x1A])
-
-
-@pytest.fixture(scope="module")
-def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
-    running = start(tmp_path_factory.mktemp("profile"))
-    yield running
-    running.quit()
-
-
-@pytest.fixture
-def page(server: Server, driver: webdriver.Chrome) -> Page:
-    return Page(driver, server.address)
-
-
-@pytest.fixture
-def files(known_pair: KnownPair, served: Path) -> tuple[Path, Path]:
-    paths = served / "overview.png", served / "close-up.png"
-    for path, pixels in zip(paths, (known_pair.far, known_pair.near), strict=True):
-        Image.fromarray(pixels).save(path)
-    return paths
-
-
-def choose(page: Page, files: tuple[Path, Path]) -> None:
-    for chooser, file in zip(page.all("input[type=file]"), files, strict=True):
-        chooser.send_keys(str(file))
-    page.wait(lambda: len(page.all(".slot-caption")) == 2)
 
 
 def test_a_pair_is_localized_and_its_overlay_fits_the_truth(
@@ -54,7 +27,7 @@ def test_a_pair_is_localized_and_its_overlay_fits_the_truth(
 ) -> None:
     page.open("#/localize")
     page.wait(lambda: page.has("Where does the close-up lie?"))
-    choose(page, files)
+    page.choose(files)
     page.click("#localize")
     page.wait(lambda: page.has("Found") and page.all(".viewer[data-ready]"))
     assert page.has("close-up.png in overview.png")
@@ -97,7 +70,7 @@ def test_ten_points_are_marked_kept_and_exported(
     page: Page, server: Server, files: tuple[Path, Path], known_pair: KnownPair
 ) -> None:
     page.open("#/annotate")
-    choose(page, files)
+    page.choose(files)
     page.click("#annotate")
     page.wait(lambda: page.all(".editor[data-ready]"))
     note = server.get(f"/api/annotations/{page.driver.current_url.rpartition('/')[2]}")
@@ -228,11 +201,6 @@ def test_a_job_outlives_a_crash_of_the_server(
         assert page.driver.find_elements(By.CSS_SELECTOR, "main h1")
     finally:
         server.stop()
-
-
-def children(pid: int) -> list[int]:
-    tasks = Path(f"/proc/{pid}/task").iterdir()
-    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
 
 
 def wait_for_the_end(pids: list[int]) -> None:

@@ -169,6 +169,17 @@ ATTACKS = {
     "an export to a folder outside": Attack(
         "POST", f"{ANNOTATION}/add", (404,), {"folder": f"{ROOT}/.."}
     ),
+    "an export of results in a folder outside": Attack(
+        "GET", f"/api/runs/export?ref={ROOT}/..&index=0&case=a&method=b&format=csv", (404,)
+    ),
+    "an export of a job's folder": Attack(
+        "GET", "/api/jobs/..%2f..%2fuploads/export?format=csv", (404,)
+    ),
+    "an export of very many formats": Attack(
+        "GET",
+        f"/api/runs/export?ref={ROOT}&index=0&case=a&method=b" + "&format=csv" * 50,
+        (422,),
+    ),
     "an export of too few points": Attack("GET", f"{ANNOTATION}/export?layout=pair", (409,)),
     "a method that there is not": Attack("PATCH", "/api/jobs", (405,)),
     "a length that is no number": Attack(

@@ -166,6 +166,10 @@ class JobStore:
         """Where its answer is."""
         return self._folder / job.id / "result.json"
 
+    def matches_file(self, job: Job) -> Path:
+        """Where all matched points of its answer are."""
+        return self._folder / job.id / "matches.npz"
+
     def result(self, job_id: str) -> dict[str, Any]:
         """The answer of a job.
 

@@ -162,6 +162,7 @@ class Runner:
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 limit=_LONGEST_REPORT,
+                start_new_session=True,  # Ctrl+C is for the server, which ends it.
             )
         return self._process
 

@@ -9,6 +9,8 @@ from typing import Any
 from fastapi import HTTPException
 
 from nearfar.app.configuration import MEGABYTE
+from nearfar.app.formats import image_names
+from nearfar.app.kept import Kept, KeptAnswer
 from nearfar.app.library import Library
 from nearfar.bench.report.load import Result, load_benchmarks, load_record
 
@@ -94,21 +96,53 @@ def read_run(folder: Path, library: Library) -> Run:
         BenchmarkError: there are none.
         HTTPException: 413, they are too large; 409, they are links.
     """
+    results, skipped = _results(folder)
+    record = load_record(folder)
+    rows = [_row(name, result, folder, library) for name, result in results[:MOST_ROWS]]
+    complete = len(results) <= MOST_ROWS
+    return Run(folder.name, record.commands, record.version, rows, complete, skipped)
+
+
+def kept_row(folder: Path, library: Library, index: int, case: str, method: str) -> KeptAnswer:
+    """The answer in a row of `read_run`.
+
+    Args:
+        folder: of results.
+        library: in which its images are.
+        index: of the row.
+        case: that the row has.
+        method: that the row has.
+
+    Raises:
+        BenchmarkError: there are no results.
+        HTTPException: 404, there is no such row any more; 409, its images are elsewhere; 422, it is
+            damaged; see also `read_run`.
+    """
+    for _, result in _results(folder)[0][index : index + 1]:
+        if (result.case, result.method) != (case, method):
+            break
+        far, near = (_reference(file, folder, library) for file in (result.far, result.near))
+        if far is None or near is None:
+            raise HTTPException(
+                409, "the images are elsewhere: start nearfar app with their folder as well"
+            )
+        names = image_names(library, far, near)
+        files = library.file(far), library.file(near)
+        return KeptAnswer(Kept.of(result.row), None, *files, names)
+    raise HTTPException(404, "there is no such row any more: open the results again")
+
+
+def _results(folder: Path) -> tuple[list[tuple[str, Result]], int]:
+    """Results with the names of their benchmarks, wrong ones first; how many lines are damaged."""
     for file in (*folder.glob("*.jsonl"), *folder.glob("run.json")):
         if file.is_symlink():
             raise HTTPException(409, f"{file.name} is a link, which the app does not follow")
     if sum(file.stat().st_size for file in folder.glob("*.jsonl")) > LARGEST:
         raise HTTPException(413, f"the results are larger than {LARGEST // MEGABYTE} megabytes")
-    benchmarks, record = load_benchmarks([folder]), load_record(folder)
-    rows = [
-        _row(benchmark.name, result, folder, library)
-        for benchmark in benchmarks
-        for result in benchmark.results
-    ]
-    rows.sort(key=lambda row: (row.right, row.case, row.method))
-    skipped = sum(benchmark.skipped for benchmark in benchmarks)
-    complete = len(rows) <= MOST_ROWS
-    return Run(folder.name, record.commands, record.version, rows[:MOST_ROWS], complete, skipped)
+    benchmarks = load_benchmarks([folder])
+    results = [(benchmark.name, result) for benchmark in benchmarks for result in benchmark.results]
+    results.sort(key=lambda each: (each[1].strict, each[1].case, each[1].method))
+    return results, sum(benchmark.skipped for benchmark in benchmarks)
 
 
 def _row(benchmark: str, result: Result, folder: Path, library: Library) -> RunRow:

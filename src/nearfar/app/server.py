@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 
 from nearfar.app.configuration import Configuration
 from nearfar.app.guard import Guard
-from nearfar.app.routes import annotations, images, jobs, runs
+from nearfar.app.routes import annotations, exports, images, jobs, runs
 from nearfar.app.services import Services
 from nearfar.errors import NearfarError, SettingsError
 
@@ -35,11 +35,12 @@ def create_app(configuration: Configuration) -> FastAPI:
         runner.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await runner
+        app.state.services.formats.close()
 
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
     )
-    for module in (images, jobs, annotations, runs):
+    for module in (images, jobs, annotations, runs, exports):
         app.include_router(module.router)
     app.add_exception_handler(NearfarError, _refused)
     app.add_exception_handler(RequestValidationError, _malformed)

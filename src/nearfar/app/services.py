@@ -6,6 +6,7 @@ from fastapi import Request
 
 from nearfar.app.annotations import AnnotationStore
 from nearfar.app.configuration import Configuration
+from nearfar.app.formats import Formats
 from nearfar.app.jobs import Job, JobStore, LocalizeRequest
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
@@ -25,6 +26,7 @@ class Services:
     jobs: JobStore
     runner: Runner
     annotations: AnnotationStore
+    formats: Formats
 
     @staticmethod
     def of(configuration: Configuration) -> "Services":
@@ -37,15 +39,17 @@ class Services:
         uploads = Uploads(data / "uploads", limits)
         library = Library(configuration.folders, uploads)
         jobs = JobStore(data / "jobs", limits.kept_jobs)
+        renditions = Renditions(limits)
         tasks = _Tasks(library, jobs, limits.pixels)
         return Services(
             configuration,
             uploads,
             library,
-            Renditions(limits),
+            renditions,
             jobs,
             Runner(jobs, tasks.of, library.without_places, limits),
             AnnotationStore(data / "annotations", limits.annotations),
+            Formats(library, renditions, limits.pixels),
         )
 
 
@@ -72,6 +76,7 @@ class _Tasks:
                 max_effort=request.max_effort,
                 max_pixels=self.max_pixels,
                 result=result,
+                matches=self.jobs.matches_file(job),
             )
         return LocateTask(
             folder=self.library.folder(request.folder),

@@ -24,6 +24,7 @@ class LocalizeTask(Message):
         max_effort: see `Settings`.
         max_pixels: see `Settings`.
         result: file for the answer.
+        matches: file for all matched points.
     """
 
     kind: Literal["localize"] = "localize"
@@ -33,6 +34,7 @@ class LocalizeTask(Message):
     max_effort: Effort
     max_pixels: int
     result: Path
+    matches: Path
 
 
 class LocateTask(Message):

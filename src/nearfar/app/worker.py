@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from nearfar.app.files import write_whole
+from nearfar.app.kept import write_matches
 from nearfar.app.results import Step, Steps, localization_result, map_result
 from nearfar.app.tasks import TASK, Ended, Entered, LocalizeTask, LocateTask, Message, Tried
 from nearfar.errors import MapError, NearfarError
@@ -52,6 +53,7 @@ class Worker:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._entered, self._tried)
         found = self._localizer.localize(task.far, task.near, model=task.model, watcher=steps)
+        write_matches(task.matches, found.points)
         _write(task.result, localization_result(found, steps.best, settings))
         if not found.localized:
             return Ended(summary="not found")

@@ -77,8 +77,9 @@ def export(
         localization: what to write.
         format: "colmap", "csv", "geojson", "hloc", "kitti", "opencv-yaml", "png", "svg" or "tum".
         path: file to write, for "hloc" a folder; what is there is replaced.
-        far: what the far image is called in formats that name images ("colmap", "hloc"); by
-            default its path relative to the deepest folder that holds both images.
+        far: what the far image is called in formats that name images ("colmap", "geojson",
+            "hloc"); by default its path, for "colmap" and "hloc" relative to the deepest folder
+            that holds both images.
         near: the same of the near image.
         intrinsics: of both cameras, as they were given to `localize`; "colmap" needs them for a
             pose, "opencv-yaml" notes them.

@@ -9,6 +9,7 @@ from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError, ImageError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.extras import require
+from nearfar.image import Image
 from nearfar.localization import Localization
 from nearfar.maps.raster import tiff_header
 from nearfar.maps.world.geojson import ring
@@ -44,8 +45,8 @@ class GeoJsonExporter(Exporter):
             },
             "properties": {
                 "coordinates": "far pixels" if on_earth is None else "longitude latitude",
-                "far": None if found.far.path is None else str(found.far.path),
-                "near": None if found.near.path is None else str(found.near.path),
+                "far": _name(subject.far, found.far),
+                "near": _name(subject.near, found.near),
                 "confidence": found.confidence,
                 "scale_change": found.scale_change,
             },
@@ -53,6 +54,10 @@ class GeoJsonExporter(Exporter):
         collection = {"type": "FeatureCollection", "features": [feature]}
         path.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
         return [path]
+
+
+def _name(given: str | None, image: Image) -> str | None:
+    return given if given is not None or image.path is None else str(image.path)
 
 
 def _outline(found: Localization) -> Coordinates:

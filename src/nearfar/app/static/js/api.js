@@ -9,7 +9,7 @@ export class RequestError extends Error {
 
 const RETRIES = 4;
 
-async function request(path, options = {}) {
+async function answered(path, options = {}) {
   for (let attempt = 0; ; attempt++) {
     let response;
     try {
@@ -21,13 +21,18 @@ async function request(path, options = {}) {
       await new Promise((resolve) => setTimeout(resolve, 400 * 2 ** attempt));
       continue;
     }
-    if (response.ok) return response.status === 204 ? null : response.json();
+    if (response.ok) return response;
     let detail = `The server answered with status ${response.status}.`;
     try {
       detail = (await response.json()).detail;
     } catch { /* keep the status */ }
     throw new RequestError(response.status, sentence(String(detail)));
   }
+}
+
+async function request(path, options) {
+  const response = await answered(path, options);
+  return response.status === 204 ? null : response.json();
 }
 
 function sentence(text) {
@@ -39,6 +44,17 @@ export const get = (path, parameters = {}) => {
   const query = new URLSearchParams(parameters).toString();
   return request(query ? `${path}?${query}` : path);
 };
+
+/** Save the file that the server answers with, under the name that it gives it. */
+export async function save(path, parameters) {
+  const response = await answered(`${path}?${new URLSearchParams(parameters)}`);
+  const [, name] = /filename="(.+)"/.exec(response.headers.get("Content-Disposition"));
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await response.blob());
+  link.download = name;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
 
 const send = (method) => (path, body) => request(path, {
   method,

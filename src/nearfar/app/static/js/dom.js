@@ -32,6 +32,15 @@ export function fill(element, ...children) {
   return append(element, children);
 }
 
+const nameOf = (control) => control.getAttribute("aria-label") ?? (control.closest("label") ?? control).textContent;
+
+/** Fill anew; the control that had the focus gives it to the one of the same name. */
+export function refill(element, ...children) {
+  const held = element.contains(document.activeElement) ? nameOf(document.activeElement) : null;
+  fill(element, ...children);
+  if (held !== null) [...element.querySelectorAll("button, input, select")].find((each) => nameOf(each) === held)?.focus();
+}
+
 const ICONS = {
   sun: "M12 4V2M12 22v-2M4 12H2M22 12h-2M6.3 6.3 4.9 4.9M19.1 19.1l-1.4-1.4M6.3 17.7l-1.4 1.4M19.1 4.9l-1.4 1.4M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8",
   moon: "M20 14.5A8.5 8.5 0 0 1 9.5 4a8.5 8.5 0 1 0 10.5 10.5z",

@@ -11,7 +11,7 @@ export class ImageSlot extends EventTarget {
     this.title = title;
     this.hint = hint;
     this.image = null;
-    this.input = h("input", { type: "file", accept: "image/*,.tif,.tiff,.ppm,.pgm", class: "visually-hidden", "aria-label": `${title}: choose a file`,
+    this.input = h("input", { type: "file", accept: "image/*,.tif,.tiff,.ppm,.pgm", class: "visually-hidden", tabindex: "-1", "aria-label": `${title}: choose a file`,
       onchange: () => this.input.files[0] && this.take(this.input.files[0]) });
     this.body = h("div", { class: "slot-body" });
     this.element = h("section", { class: "slot", "aria-label": title }, this.body, this.input);

@@ -52,6 +52,8 @@ setGlobalShortcuts([
   { key: "A", label: "Shift A", what: "Annotate", act: go("annotate") },
 ]);
 listenForShortcuts();
+// The fragment of the address names the page, so it must not change.
+document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
 // A file that misses its place must not replace the page.
 for (const type of ["dragover", "drop"]) document.addEventListener(type, (event) => event.preventDefault());
 window.addEventListener("hashchange", () => { show(); main.focus({ preventScroll: true }); window.scrollTo(0, 0); });

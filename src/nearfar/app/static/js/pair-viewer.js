@@ -2,7 +2,7 @@
 
 import { imageInfo, loadPicture, pictureAddress } from "./api.js";
 import { CanvasView } from "./canvas-view.js";
-import { fill, h, iconButton } from "./dom.js";
+import { h, iconButton, refill } from "./dom.js";
 import { bounds, distance, footprint, transform } from "./geometry.js";
 import { Linked } from "./linked.js";
 import { COLOURS, box, cross, dots, polygon, ring, topEdge } from "./marks.js";
@@ -179,7 +179,7 @@ export class PairViewer {
       h("select", { onchange: (event) => { this.step = event.target.value; this.#buildToolbar(); this.#redraw(); } },
         data.steps.map((each) => h("option", { value: each.name, selected: each.name === this.step },
           stepName(each.name) + (each.answer ? (data.homography ? " (answer)" : " (best)") : "")))));
-    fill(this.toolbar, modes, mixing,
+    refill(this.toolbar, modes, mixing,
       h("div", { class: "checks" },
         canOverlay && check("outline", "Outline", true),
         this.mode === "side" && chosen && check("agrees", `Agree (${agreeing})`, true),

@@ -21,6 +21,19 @@ const STEPS = {
   expected: "Voted place",
 };
 
+const FORMATS = {
+  colmap: "COLMAP database",
+  csv: "Matches as CSV",
+  geojson: "Outline as GeoJSON",
+  hloc: "Matches for hloc",
+  kitti: "Poses as in KITTI",
+  "opencv-yaml": "YAML for OpenCV",
+  png: "Figure as PNG",
+  svg: "Figure as SVG",
+  tum: "Poses as in TUM",
+};
+
+export const formatName = (name) => FORMATS[name] ?? name;
 export const stageName = (name) => STAGES[name] ?? name.charAt(0).toUpperCase() + name.slice(1);
 export const stepName = (name) => STEPS[name] ?? name.charAt(0).toUpperCase() + name.slice(1);
 

@@ -2,6 +2,7 @@
 
 import { get, post, remove } from "../api.js";
 import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, iconButton, toast } from "../dom.js";
+import { exportButton } from "../export-menu.js";
 import { ImageSlot } from "../image-slot.js";
 import { showJob } from "../job-page.js";
 import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-view.js";
@@ -112,6 +113,7 @@ function answerFacts(job, result, again) {
     h("details", {}, h("summary", {}, "Numbers"), numbers(found)),
     h("div", { class: "side-actions" },
       h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "localization.json" }, icon("download"), "JSON"),
+      exportButton(`/api/jobs/${job.id}`),
       h("button", { type: "button", onclick: again }, icon("again"), "Again"),
       h("button", { type: "button", onclick: () => annotate(job) }, icon("pencil"), "Annotate")),
   ];

@@ -2,6 +2,7 @@
 
 import { get, post } from "../api.js";
 import { fill, formatNumber, formatSeconds, h, icon, toast } from "../dom.js";
+import { exportButton } from "../export-menu.js";
 import { pickFolder } from "../file-picker.js";
 import { facts, notice } from "../job-view.js";
 import { PairViewer } from "../pair-viewer.js";
@@ -165,6 +166,8 @@ function showRow(main, ref, run, index) {
       ]),
       row.licence && h("p", { class: "quiet small" }, `Images: ${row.licence}`),
       (!row.far || !row.near) && notice("The images are elsewhere", "Start nearfar app with the folder of the benchmark's images as well to see them.", null, "quiet"),
-      row.far && row.near && row.model !== "pose" && h("div", { class: "side-actions" }, h("button", { type: "button", onclick: again }, icon("again"), "Localize, to see the matches")))));
+      row.far && row.near && h("div", { class: "side-actions" },
+        exportButton("/api/runs", { ref, index, case: row.case, method: row.method }),
+        row.model !== "pose" && h("button", { type: "button", onclick: again }, icon("again"), "Localize, to see the matches")))));
   viewer.show({ far: row.far, near: row.near, homography: row.homography, steps: [], landmarks: [], scaleChange: row.scale_change });
 }

@@ -1,0 +1,70 @@
+"""Answers of jobs, and of benchmarks, in the files of other tools."""
+
+import mimetypes
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, HTTPException, Query, Response
+
+from nearfar.app.formats import image_names
+from nearfar.app.jobs import LocalizeRequest
+from nearfar.app.kept import Kept, KeptAnswer
+from nearfar.app.routes import Held
+from nearfar.app.runs import kept_row
+from nearfar.app.writer import Outcome
+
+router = APIRouter(prefix="/api")
+
+_Text = Annotated[str, Query(max_length=4000)]
+
+
+def _of_job(held: Held, job_id: str) -> KeptAnswer:
+    job = held.jobs.get(job_id)
+    request, library = job.request, held.library
+    if not isinstance(request, LocalizeRequest):
+        raise HTTPException(409, "only answers for pairs can be exported")
+    kept = Kept.of(held.jobs.result(job_id).get("localization"))
+    matches = held.jobs.matches_file(job)
+    names = image_names(library, request.far, request.near)
+    return KeptAnswer(kept, matches, library.file(request.far), library.file(request.near), names)
+
+
+def _of_row(
+    held: Held, ref: _Text, index: Annotated[int, Query(ge=0)], case: _Text, method: _Text
+) -> KeptAnswer:
+    return kept_row(held.library.folder(ref), held.library, index, case, method)
+
+
+OfJob = Annotated[KeptAnswer, Depends(_of_job)]
+OfRow = Annotated[KeptAnswer, Depends(_of_row)]
+Names = Annotated[list[str], Query(alias="format", min_length=1, max_length=20)]
+
+
+@router.get("/jobs/{job_id}/exports")
+def formats_of_job(held: Held, answer: OfJob) -> list[Outcome]:
+    """All formats, and why a job's answer cannot be written in some."""
+    return held.formats.offered(answer)
+
+
+@router.get("/jobs/{job_id}/export")
+def export_job(held: Held, answer: OfJob, names: Names) -> Response:
+    """Download a job's answer in one format or, as a ZIP archive, several."""
+    return _sent(held, answer, names)
+
+
+@router.get("/runs/exports")
+def formats_of_row(held: Held, answer: OfRow) -> list[Outcome]:
+    """All formats, and why an answer of a benchmark cannot be written in some."""
+    return held.formats.offered(answer)
+
+
+@router.get("/runs/export")
+def export_row(held: Held, answer: OfRow, names: Names) -> Response:
+    """Download an answer of a benchmark in one format or, as a ZIP archive, several."""
+    return _sent(held, answer, names)
+
+
+def _sent(held: Held, answer: KeptAnswer, names: list[str]) -> Response:
+    file = held.formats.download(answer, names)
+    kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+    headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
+    return Response(file.content, media_type=kind, headers=headers)

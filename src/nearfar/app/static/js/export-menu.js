@@ -1,0 +1,48 @@
+/** "Export as …": the formats of an answer, those that it cannot be written in with the reason. */
+
+import { get, save } from "./api.js";
+import { dialog, fill, h, icon, toast } from "./dom.js";
+import { formatName } from "./wording.js";
+
+/**
+ * @param {string} path of the answer, below which are `exports` and `export`
+ * @param {Object<string, string|number>} query that tells which answer
+ */
+export function exportButton(path, query = {}) {
+  return h("button", { type: "button", id: "export", "aria-haspopup": "dialog", onclick: () => choose(path, query) }, icon("download"), "Export as …");
+}
+
+function choose(path, query) {
+  return dialog("Export as …", (close) => {
+    const list = h("fieldset", { class: "formats", "aria-label": "Formats" }, h("p", { class: "quiet" }, "Loading…"));
+    const go = h("button", { type: "submit", class: "primary", disabled: true }, "Download");
+    const chosen = () => [...list.querySelectorAll("input:checked")].map((each) => each.value);
+    const download = async () => {
+      go.disabled = true;
+      try {
+        await save(`${path}/export`, [...Object.entries(query), ...chosen().map((name) => ["format", name])]);
+        close();
+      } catch (error) {
+        toast(error.message, "error");
+        go.disabled = false;
+      }
+    };
+    get(`${path}/exports`, query).then((formats) => {
+      fill(list, formats.map(choice));
+      list.querySelector("input:enabled")?.focus();
+    }, (error) => fill(list, h("p", { class: "problem", role: "alert" }, error.message)));
+    list.addEventListener("change", () => {
+      const { length } = chosen();
+      go.disabled = length === 0;
+      go.textContent = length > 1 ? `Download ${length} as ZIP` : "Download";
+    });
+    return h("form", { class: "dialog-body", onsubmit: (event) => { event.preventDefault(); download(); } }, list, h("footer", {}, go));
+  });
+}
+
+function choice({ format, file, reason }) {
+  const why = reason && h("span", { class: "quiet small", id: `why-not-${format}` }, reason);
+  return h("label", { class: "choice", title: reason },
+    h("input", { type: "checkbox", value: format, disabled: reason !== null, "aria-describedby": why && why.id }),
+    h("span", {}, formatName(format), " ", h("span", { class: "quiet small" }, file), why));
+}

@@ -1,0 +1,146 @@
+"""The process that writes exports: tasks on its standard input, replies on its standard output.
+
+Packages that formats need change how a process takes signals, and draw under settings that all
+threads share: so it is not the server's. It ends when its standard input is closed.
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from nearfar.app.kept import Kept, read_matches
+from nearfar.app.tasks import Message
+from nearfar.errors import ExportError, NearfarError
+from nearfar.exports import EXPORTERS, Subject, exporter
+from nearfar.image import Image, read_image
+from nearfar.localization import PointMatches
+from nearfar.settings import Settings
+
+WITHOUT_MATCHES = frozenset({"geojson", "kitti", "tum"})
+"""Formats in which matched points have no place."""
+_NONE = PointMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool_))
+
+
+class ImageTask(Message):
+    """An image of an export.
+
+    Attributes:
+        file: where it is.
+        name: what it is called in files that name it.
+        size: width and height as displayed, in pixels.
+    """
+
+    file: Path
+    name: str
+    size: tuple[int, int]
+
+
+class ExportTask(Message):
+    """Write an answer in some formats.
+
+    Attributes:
+        kept: the answer.
+        matches: file of its matched points; None where they were not kept.
+        far: the far image.
+        near: the near image.
+        images: "blank" where only the outcomes are wanted: then pictures are not read.
+        formats: names of the formats; empty for all.
+        folder: to write into.
+        max_pixels: of an image.
+    """
+
+    kept: Kept
+    matches: Path | None
+    far: ImageTask
+    near: ImageTask
+    images: Literal["blank", "read"]
+    formats: tuple[str, ...]
+    folder: Path
+    max_pixels: int
+
+
+class Outcome(Message):
+    """What became of a format.
+
+    Attributes:
+        format: its name.
+        file: name of its file or folder; empty where a package is missing.
+        files: that were written, relative to the folder of the task.
+        reason: why it cannot be written; None where it was.
+    """
+
+    format: str
+    file: str
+    files: tuple[str, ...] = ()
+    reason: str | None = None
+
+
+class Reply(Message):
+    """What became of a task.
+
+    Attributes:
+        outcomes: of its formats.
+        error: why there are none.
+    """
+
+    outcomes: tuple[Outcome, ...] = ()
+    error: str | None = None
+
+
+def written(task: ExportTask) -> list[Outcome]:
+    """Write an answer; what cannot be written has its reason.
+
+    Raises:
+        NearfarError: an image, or what was kept, cannot be read.
+    """
+    points = _NONE if task.matches is None else read_matches(task.matches)
+    far, near = _image(task.far, task), _image(task.near, task)
+    subject = Subject(
+        task.kept.localization(points, far, near), None, task.far.name, task.near.name
+    )
+    return [_written(name, subject, task) for name in task.formats or EXPORTERS.names()]
+
+
+def _image(image: ImageTask, task: ExportTask) -> Image:
+    if task.images == "blank":
+        return Image(np.zeros((1, 1, 3), np.uint8), *image.size, image.file)
+    return read_image(image.file, max_size=Settings().max_size, max_pixels=task.max_pixels)
+
+
+def _written(name: str, subject: Subject, task: ExportTask) -> Outcome:
+    file = ""
+    try:
+        writer = exporter(name)
+        file = writer.file_name
+        if task.matches is None and name not in WITHOUT_MATCHES:
+            raise ExportError(
+                "it holds matches, which results of a benchmark do not: localize the pair here"
+            )
+        files = writer.write(subject, task.folder / file)
+    except (NearfarError, OSError) as error:
+        return Outcome(format=name, file=file, reason=str(error))
+    inside = (each.relative_to(task.folder).as_posix() for each in files)
+    return Outcome(format=name, file=file, files=tuple(inside))
+
+
+def main() -> None:
+    """Do tasks until the standard input is closed."""
+    # What libraries print must not reach the server as a reply.
+    replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    for line in sys.stdin:
+        try:
+            reply = Reply(outcomes=tuple(written(ExportTask.model_validate_json(line))))
+        except NearfarError as error:
+            reply = Reply(error=str(error))
+        except Exception as error:
+            reply = Reply(error=f"{type(error).__name__}: {error}")
+        replies.write(reply.model_dump_json() + "\n")
+        replies.flush()
+
+
+if __name__ == "__main__":
+    main()
