@@ -6,13 +6,17 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from nearfar.adaptive import search as search_module
 from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.search import MOST_PIXELS_ENLARGED, enlarged, pyramid, search, templates
 from nearfar.adaptive.zoom import local_scale
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.descriptors import DenseDescriptor
 from nearfar.descriptors.hog import HOG
 from nearfar.geometry.homography import transform
+from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 
 HOG_MAPS = HOG("hog", Settings())
@@ -41,6 +45,10 @@ def crop_and_turn(pixels: RGBPixels, name: str, quarters: int) -> tuple[RGBPixel
         photograph_from_near = photograph_from_near @ undone
         crop = np.rot90(crop, -1)
     return np.ascontiguousarray(crop), photograph_from_near
+
+
+def unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def best_of(far: RGBPixels, near: RGBPixels, most: int = 3) -> list[Hypothesis]:
@@ -101,6 +109,22 @@ def test_enlarged_levels_continue_a_pyramid(side: int) -> None:
     first = base.levels[0].level_from_image[0, 0]
     np.testing.assert_allclose(scales, [first * 2 ** (step / 3) for step in (1, 2, 3)], rtol=0.03)
     assert (scales[-1] * side) ** 2 < 1.05 * MOST_PIXELS_ENLARGED
+
+
+@pytest.mark.parametrize("height", [128, 190, 200, 330])
+@pytest.mark.parametrize("name", ["hog", "nearfar"])
+def test_bands_give_the_features_of_the_whole(
+    name: str, height: int, photograph: Callable[[str], RGBPixels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = np.ascontiguousarray(photograph("astronaut")[:height, :256])
+    descriptor = DESCRIPTORS.create(name, Settings())
+    assert isinstance(descriptor, DenseDescriptor)
+    whole = descriptor.feature_map(image)
+    monkeypatch.setattr(search_module, "BAND_PIXELS", 64 * 256)
+    _, features = search_module._features(image, 1.0, descriptor)
+    assert features.values.shape == whole.values.shape
+    likeness = (unit(features.values) * unit(whole.values)).sum(axis=-1)
+    assert likeness.min() > (0.999 if name == "hog" else 0.95)
 
 
 def test_hypotheses_differ_and_come_best_first(photograph: Callable[[str], RGBPixels]) -> None:

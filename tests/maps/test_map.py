@@ -144,7 +144,7 @@ def test_jobs_give_the_same_map(photos: Path, small_town: Path) -> None:
 
 def unindexed(town: Map) -> int | None:
     """Landmarks that an index does not know; None where there is none."""
-    table = lancedb.connect(town.folder).open_table("landmarks")
+    table = lancedb.connect(str(town.folder)).open_table("landmarks")
     found = [table.index_stats(each.name) for each in table.list_indices()]
     return found[0].num_unindexed_rows if found and found[0] else None
 

@@ -48,10 +48,10 @@ def attempt(
         sets: the matches.
         task: kind of model.
         estimator: fits the model.
-        far_size: width and height of the far image.
+        far_size: width and height of the far image in pixels.
         step: what the matches were found with.
-        chosen: which of the matches of all sets, in the order in which the estimator is to get
-            them; None: all.
+        chosen: (N,) which of the matches of all sets, in the order in which the estimator is to
+            get them; None: all.
     """
     order = slice(None) if chosen is None else chosen
     far = np.vstack([each.far for each in sets])[order]

@@ -51,6 +51,11 @@ def detect_keypoints(pixels: RGBPixels, contrast_threshold: float, most: int = 0
 
 
 def rooted(table: NDArray[np.float64], vectors: NDArray[np.float32]) -> Keypoints:
-    """The keypoints of a table and vectors as `keypoints_of` returns them, as RootSIFT."""
+    """The keypoints of a table and vectors as `keypoints_of` returns them, as RootSIFT.
+
+    Args:
+        table: (N, 4) x, y and size in pixels, angle in degrees.
+        vectors: (N, 128) SIFT descriptors.
+    """
     points = root_sift(Points(table[:, :2], vectors))
     return Keypoints(points.xy, table[:, 2], np.radians(table[:, 3]), points.vectors)

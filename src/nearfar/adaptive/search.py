@@ -31,9 +31,12 @@ ANGLES = tuple(22.5 * turn for turn in range(16))
 LARGEST, SMALLEST, STEP = 1.6, 0.1, 2 ** (1 / 3)
 """Scales of the far image's pyramid."""
 MOST_PIXELS = 3_000_000
-"""Of a level; bounds the memory of the network."""
+"""Of a level."""
 LARGEST_ENLARGED, MOST_PIXELS_ENLARGED = 3.2, 12_000_000
 """The same of the levels above, for what is only a few dozen pixels large in the far image."""
+BAND_PIXELS, BAND_MARGIN = 3_300_000, 64
+"""Levels are described in bands of so many pixels and so many more rows at both sides, which bounds
+the memory of the network."""
 APART = 0.25
 """Peaks closer than this share of the template's diagonal, at nearly the same scale and rotation,
 are one."""
@@ -139,7 +142,19 @@ def _features(
     pixels: RGBPixels, scale: float, descriptor: DenseDescriptor
 ) -> tuple[Matrix3, FeatureMap]:
     resized, matrix = scaled(pixels, scale)
-    return matrix, descriptor.feature_map(resized)
+    height, width = resized.shape[:2]
+    rows = max(BAND_MARGIN, BAND_PIXELS // width // BAND_MARGIN * BAND_MARGIN)
+    bands = [_band(resized, start, rows, descriptor) for start in range(0, height, rows)]
+    return matrix, replace(bands[0], values=np.concatenate([each.values for each in bands]))
+
+
+def _band(pixels: RGBPixels, start: int, rows: int, descriptor: DenseDescriptor) -> FeatureMap:
+    """The features of some rows of pixels, which are taken with their surroundings."""
+    above = min(start, BAND_MARGIN)
+    features = descriptor.feature_map(pixels[start - above : start + rows + BAND_MARGIN])
+    first = above // features.stride
+    end = first + rows // features.stride if start + rows < len(pixels) else None
+    return replace(features, values=features.values[first:end])
 
 
 def templates(pixels: RGBPixels, descriptor: DenseDescriptor) -> list[Template]:

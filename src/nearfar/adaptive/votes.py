@@ -96,7 +96,7 @@ def tentative_matches(
 def matches_of(
     far: Keypoints, near: Keypoints, pairs: IndexPairs, weight: NDArray[np.float64]
 ) -> Tentative:
-    """Pairs of keypoints as matches with their transforms."""
+    """(M, 2) pairs of keypoints with (M,) weights as matches with their transforms."""
     i, j = pairs.T
     scale, angle = far.size[i] / near.size[j], far.angle[i] - near.angle[j]
     return Tentative(far.xy[i], near.xy[j], scale, angle, weight)

@@ -34,9 +34,10 @@ INDEX_FROM = 200_000
 """Landmarks without an index from which on one is built; comparing with fewer takes less time."""
 KEPT = timedelta(hours=1)
 """How long files stay that only readers of an older state of the map need."""
-PROBES, COMPARED = 20, 80
-"""Partitions of the index that are looked at, and landmarks that it finds there for each vector, of
-which the exact similarity is computed."""
+PROBES, LANDMARKS_PER_PROBE = 20, 50_000
+"""Least partitions of the index that are looked at, and landmarks of the map for each of them."""
+COMPARED = 80
+"""Landmarks that the index finds there for each vector; their exact similarity is computed."""
 READ_AT_ONCE = 4096
 """Landmarks that are read together."""
 
@@ -160,7 +161,8 @@ class MapStore:
     def like(self, vectors: NDArray[np.float16]) -> Likeness:
         """The landmarks most like (N, D) vectors by the index, `COMPARED` of each or fewer."""
         queries = vectors.astype(np.float32)
-        asked = self._landmarks.search(queries).distance_type("cosine").nprobes(PROBES)
+        probes = max(PROBES, self.landmark_count() // LANDMARKS_PER_PROBE)
+        asked = self._landmarks.search(queries).distance_type("cosine").nprobes(probes)
         found = asked.limit(COMPARED).with_row_id(True).select(["_distance"]).to_arrow()
         query = found["query_index"].to_numpy().astype(np.intp)
         # Read together: LanceDB's own exact comparison reads one by one, at ten times the time.

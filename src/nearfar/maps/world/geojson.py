@@ -43,7 +43,7 @@ def _features(found: MapLocalization) -> Iterator[dict[str, Any]]:
 
 
 def ring(corners: WorldCoordinates) -> list[list[float]]:
-    """A closed ring that runs counterclockwise, as the right-hand rule asks for."""
+    """(N, 2) corners as a closed ring that runs counterclockwise, by the right-hand rule."""
     x, y = (corners - corners.mean(axis=0)).T
     doubled_area = x @ np.roll(y, -1) - y @ np.roll(x, -1)
     ordered = corners if doubled_area > 0 else corners[::-1]
