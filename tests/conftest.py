@@ -8,11 +8,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import settings
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.geometry.homography import transform
 from tests.object_storage import bucket, running_server, server  # noqa: F401
+
+settings.register_profile("on busy machines too", deadline=None)
+settings.load_profile("on busy machines too")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,5 @@
 """Landmarks: proposals with their descriptors, and their matches between two images."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +8,9 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
 from nearfar.descriptors import Descriptor
 from nearfar.matching import mutual_nearest
-from nearfar.registry import DESCRIPTORS
+from nearfar.registry import DESCRIPTORS, PROPOSERS
 from nearfar.settings import Settings
+from nearfar.timing import StageTimer
 
 _CHUNK = 4096
 """Descriptor values that are multiplied at a time; bounds memory for 131,072-value vectors."""
@@ -60,13 +60,25 @@ def landmark_descriptors(settings: Settings) -> list[Descriptor]:
     return [DESCRIPTORS.create(name, settings) for name in settings.descriptor.split("+")]
 
 
-def describe_landmarks(
-    pixels: RGBPixels, boxes: Boxes, descriptors: Sequence[Descriptor]
-) -> LandmarkLayers:
-    """The landmarks at (N, 4) boxes, described by each descriptor."""
-    return LandmarkLayers(
-        tuple(Landmarks(boxes, each.describe(pixels, boxes)) for each in descriptors)
-    )
+class LandmarkDetector:
+    """Finds the landmarks of images, by the proposer and the descriptors that the settings name.
+
+    Raises:
+        SettingsError: a name is unknown.
+        WeightsError: a descriptor needs weights that are missing or do not fit.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._descriptors = landmark_descriptors(settings)
+
+    def detect(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
+        """Object proposals, and each descriptor's description of each."""
+        with timer.stage("proposals"):
+            boxes = self._proposer.propose(pixels)
+        with timer.stage("descriptors"):
+            vectors = [each.describe(pixels, boxes) for each in self._descriptors]
+        return LandmarkLayers(tuple(Landmarks(boxes, each) for each in vectors))
 
 
 def centres(boxes: Boxes) -> Coordinates:

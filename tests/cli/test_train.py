@@ -40,7 +40,8 @@ def test_trains_a_descriptor_that_can_be_used(
     by_processes = [*command[:-2], str(tmp_path / "other"), command[-1], "--steps", "4"]
     nearfar = [sys.executable, "-m", "nearfar"]
     subprocess.run([*nearfar, *by_processes, "--jobs", "1"], check=True, timeout=120)
-    for one, other in zip(read_rows(out / "log.jsonl"), read_rows(tmp_path / "other" / "log.jsonl"), strict=True):
+    logs = (read_rows(folder / "log.jsonl") for folder in (out, tmp_path / "other"))
+    for one, other in zip(*logs, strict=True):
         assert one["landmark_loss"] == pytest.approx(other["landmark_loss"], rel=1e-3)
     assert main([*command, "--steps", "5"]) == 2
     assert "another folder" in capsys.readouterr().err

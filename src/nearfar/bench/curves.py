@@ -196,6 +196,11 @@ def monotone_fit(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distinct scale changes, increasing, and the fitted share of successes at each.
 
+    Args:
+        scales: (N,) scale changes.
+        success: (N,) whether each case succeeded.
+        weights: (N,) how often each case counts; may be 0.
+
     Raises:
         MissingExtraError: scipy is missing.
     """
@@ -211,7 +216,7 @@ def monotone_fit(
 
 
 def estimate_of(value: float, drawn: NDArray[np.float64]) -> Estimate:
-    """A value with the percentiles of its resamples; of these, values may be infinite."""
+    """A value with the percentiles of its (N,) resamples; of these, some may be infinite."""
     tail = (1 - COVERAGE) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")
     return Estimate(value, float(low), float(high))

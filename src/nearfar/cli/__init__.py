@@ -1,5 +1,6 @@
 """The command line. One module a command."""
 
+import io
 import sys
 from collections.abc import Sequence
 
@@ -40,6 +41,7 @@ app.register_install_completion_command()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 2 bad input, 3 not found."""
     tokens = sys.argv[1:] if arguments is None else list(arguments)
+    _show_any_name()
     try:
         status = app(tokens, result_action="return_value", exit_on_error=False, print_error=False)
     except (CycloptsError, NearfarError) as error:
@@ -49,6 +51,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     return status if isinstance(status, int) else 0
+
+
+def _show_any_name() -> None:
+    """Names of files that the terminal's encoding lacks are printed escaped."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _complain(message: str) -> int:

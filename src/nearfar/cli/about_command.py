@@ -92,7 +92,7 @@ def components(requirements: Iterable[str]) -> list[Component]:
 def licence(metadata: PackageMetadata) -> str:
     """The licence that a package's metadata state, in the order of what is most exact."""
     for field in ("License-Expression", "License"):
-        name = metadata[field] or ""
+        name = metadata.get_all(field, [""])[0]
         if name and len(name) <= _LONGEST_LICENCE and "\n" not in name:
             return name
     classifiers = metadata.get_all("Classifier") or []

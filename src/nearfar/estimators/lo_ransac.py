@@ -1,5 +1,6 @@
 """LO-RANSAC (Chum, Matas and Kittler, 2003) with refinement, as PoseLib implements it."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,15 +33,9 @@ class LoRansac:
 
     def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
         """See `Estimator.estimate`."""
-        settings = self._settings
-        return fit_guarded(
-            far,
-            near,
-            task,
-            settings.inlier_threshold,
-            lambda far, near: self._fit(far, near, task),
-            None if self._ordered else settings.seed,
-        )
+        seed = None if self._ordered else self._settings.seed
+        fit = partial(self._fit, task=task)
+        return fit_guarded(far, near, task, self._settings.inlier_threshold, fit, seed)
 
     def _fit(
         self, far: Coordinates, near: Coordinates, task: Task

@@ -1,5 +1,7 @@
 """The paper's estimator: plain RANSAC (Fischler and Bolles, 1981), as OpenCV implements it."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -33,15 +35,9 @@ class Ransac:
 
     def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
         """See `Estimator.estimate`."""
-        settings = self._settings
-        return fit_guarded(
-            far,
-            near,
-            task,
-            settings.inlier_threshold,
-            lambda far, near: self._fit(far, near, task),
-            settings.seed,
-        )
+        threshold, seed = self._settings.inlier_threshold, self._settings.seed
+        fit = partial(self._fit, task=task)
+        return fit_guarded(far, near, task, threshold, fit, seed)
 
     def _fit(
         self, far: Coordinates, near: Coordinates, task: Task

@@ -67,7 +67,7 @@ def rotation_angle(rotation: Matrix3, truth: Matrix3) -> float:
 
 
 def direction_angle(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    """Angle between two translations, in degrees; NaN where one of them is zero."""
+    """Angle between two translations (3,), in degrees; NaN where one of them is zero."""
     cross = np.linalg.norm(np.cross(translation, truth))
     if not (translation.any() and truth.any()):
         return float("nan")
@@ -81,6 +81,11 @@ def rotation_error(rotation: Matrix3, truth: Matrix3) -> float:
 
 
 def translation_error(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    """t_err of the paper (section IV): |t - t'| / (|t| + |t'|); in [0, 1], 0 for two zeros."""
+    """t_err of the paper (section IV): |t - t'| / (|t| + |t'|); in [0, 1], 0 for two zeros.
+
+    Args:
+        translation: (3,), of any unit.
+        truth: (3,), of the same.
+    """
     total = np.linalg.norm(translation) + np.linalg.norm(truth)
     return float(np.linalg.norm(translation - truth) / total) if total > 0 else 0.0

@@ -2,15 +2,9 @@
 
 from nearfar.arrays import RGBPixels
 from nearfar.estimators import Task
-from nearfar.landmarks import (
-    LandmarkLayers,
-    centres,
-    describe_landmarks,
-    landmark_descriptors,
-    match_layers,
-)
+from nearfar.landmarks import LandmarkDetector, LandmarkLayers, centres, match_layers
 from nearfar.methods import Answer
-from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import ESTIMATORS, METHODS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
@@ -22,16 +16,12 @@ class Objects:
     uses_landmarks = True
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        self._proposer = PROPOSERS.create(settings.proposer, settings)
-        self._descriptors = landmark_descriptors(settings)
+        self._landmarks = LandmarkDetector(settings)
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
         """See `Method.extract`."""
-        with timer.stage("proposals"):
-            boxes = self._proposer.propose(pixels)
-        with timer.stage("descriptors"):
-            return describe_landmarks(pixels, boxes, self._descriptors)
+        return self._landmarks.detect(pixels, timer)
 
     def localize(
         self, far: LandmarkLayers, near: LandmarkLayers, task: Task, timer: StageTimer

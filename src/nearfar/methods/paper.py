@@ -5,16 +5,15 @@ from dataclasses import dataclass
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.estimators import Estimator, Task
 from nearfar.landmarks import (
+    LandmarkDetector,
     LandmarkLayers,
     LandmarkMatches,
     centres,
-    describe_landmarks,
-    landmark_descriptors,
     match_layers,
 )
 from nearfar.methods import Answer
 from nearfar.points import Points, detect_sift, match_points_in_boxes
-from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import ESTIMATORS, METHODS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 
@@ -46,16 +45,12 @@ class Paper:
     uses_landmarks = True
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        self._proposer = PROPOSERS.create(settings.proposer, settings)
-        self._descriptors = landmark_descriptors(settings)
+        self._landmarks = LandmarkDetector(settings)
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
         """Object proposals, a network's description of each, and SIFT points."""
-        with timer.stage("proposals"):
-            boxes = self._proposer.propose(pixels)
-        with timer.stage("descriptors"):
-            landmarks = describe_landmarks(pixels, boxes, self._descriptors)
+        landmarks = self._landmarks.detect(pixels, timer)
         with timer.stage("points"):
             points = detect_sift(pixels)
         return PaperFeatures(landmarks, points)

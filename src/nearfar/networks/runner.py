@@ -20,6 +20,8 @@ def session(model: bytes) -> "onnxruntime.InferenceSession":
     A number in the environment variable OMP_NUM_THREADS limits the threads, as it does for other
     libraries; workers that share a machine have it.
     """
+    # Else its official builds write to the user's home and send usage data over the network.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
