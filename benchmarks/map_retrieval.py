@@ -5,9 +5,9 @@
 DATA holds `pairs/` and `train/`. The far images of all pairs with a homography are hidden among the
 training photographs, or among so many tiles of these; the near images are queries. The map is built
 in OUT/photographs, or OUT/tiles-10000, where it is missing; results are appended to `rows.jsonl`
-beside it. A run that was stopped goes on
-where it was. Of the far images that show the scene of a query only that of its own pair counts; the
-others are left out. The last table is of the kite survey, the pairs `copr`.
+beside it. A run that was stopped goes on where it was. Of the far images that show the scene of a
+query only that of its own pair counts; the others are left out. The last table is of the kite
+survey, the pairs `copr`.
 """
 
 import argparse
@@ -18,15 +18,15 @@ import time
 from collections.abc import Callable, Iterable, Sequence, Set
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from nearfar import open_map
 from nearfar.bench.cases import Case
+from nearfar.bench.evaluate import true_diagonal
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import Row, RowFile, read_rows
 from nearfar.bench.scenes import scene
-from nearfar.geometry.homography import footprint, transform
+from nearfar.geometry.homography import transform
 from nearfar.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.answers import MapAnswer, MapLocalization
@@ -102,7 +102,8 @@ class Judge:
         if answer.image != self.own(case):
             return None
         away = transform(np.asarray(answer.far_from_near), case.near_points) - case.far_points
-        shares = np.hypot(*away.T) / diagonal(case)
+        near = read_image(case.near)
+        shares = np.hypot(*away.T) / true_diagonal(case, near.width, near.height)
         return [float(shares.mean()), float(shares.max())]
 
 
@@ -116,15 +117,6 @@ class StoreWithout(MapStore):
     def images(self) -> list[MapImage]:
         """The images that count."""
         return [image for image in super().images() if image.name not in self._names]
-
-
-def diagonal(case: Case) -> float:
-    """Mean length of the diagonals of the true footprint."""
-    true, _ = cv2.findHomography(case.near_points, case.far_points)
-    near = read_image(case.near)
-    corners = footprint(np.asarray(true), near.width, near.height)
-    assert corners is not None
-    return float(np.hypot(*(corners[:2] - corners[2:]).T).mean())
 
 
 def by_map(folder: Path, judge: Judge) -> Answer:

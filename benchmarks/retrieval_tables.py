@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.bench.rows import Row
-from nearfar.bench.tables import markdown
+from nearfar.bench.tables import distinct, markdown
 from nearfar.geometry.homography import transform
 
 BINS = ((0.0, 4.0), (4.0, 12.0))
@@ -37,7 +37,7 @@ def wrong_and_sure(row: Row) -> bool:
 
 
 def recall_table(rows: Sequence[Row]) -> str:
-    """How many queries have the right image first, and as scenes: the mean over each's queries."""
+    """Of how many queries each method has the right image first, of all and of each scene."""
     columns: dict[str, tuple[str, Callable[[Row], bool]]] = {
         name: (name, voted) for name in dict.fromkeys(row["method"] for row in rows)
     }
@@ -62,7 +62,8 @@ def time_table(rows: Sequence[Row]) -> str:
     if not chosen:
         return ""
     own = [row["seconds"] for row in chosen]
-    stages = {stage: [each.get(stage, 0.0) for each in own] for stage in own[0]}
+    names = distinct(stage for each in own for stage in each)
+    stages = {stage: [each.get(stage, 0.0) for each in own] for stage in names}
     stages["all"] = [sum(each.values()) for each in own]
     stages["all, of processors"] = [row["processor_seconds"] for row in chosen]
     lines = [

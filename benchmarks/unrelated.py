@@ -2,13 +2,12 @@
 
     python benchmarks/unrelated.py PHOTOS OUT.jsonl [--pairs 500] [--jobs 2] [--descriptor hog]
 
-PHOTOS is a folder of photographs. Two whose names agree up to the last "_" or digit may show the
-same scene and are not paired. A run that was stopped goes on where it was.
+PHOTOS is a folder of photographs. Two whose names are the same without the digits and "_" at their
+ends may show the same scene and are not paired. A run that was stopped goes on where it was.
 """
 
 import argparse
 import itertools
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from nearfar import Localizer
+from nearfar.bench.rows import RowFile, read_rows
+from nearfar.settings import Settings
 
 CONFIDENT = 0.5
 
@@ -36,12 +37,11 @@ def pairs_of(folder: Path, count: int) -> list[tuple[Path, Path]]:
     return [ordered[index] for index in chosen]
 
 
-def localized(far: Path, near: Path, options: dict[str, Any]) -> dict[str, Any]:
+def localized(far: Path, near: Path, options: dict[str, str]) -> dict[str, Any]:
     """The answer without any threshold."""
-    found = Localizer(max_false_alarms=float("inf"), min_confidence=0, **options).localize(
-        far, near
-    )
-    return {
+    settings = Settings(max_false_alarms=float("inf"), min_confidence=0).replace(**options)
+    found = Localizer(settings).localize(far, near)
+    return options | {
         "far": far.name,
         "near": near.name,
         "status": found.status,
@@ -63,17 +63,14 @@ def main() -> None:
     parser.add_argument("--descriptor", default="hog")
     arguments = parser.parse_args()
     options = {"method": arguments.method, "descriptor": arguments.descriptor}
-    rows = []
-    if arguments.out.exists():
-        rows = [json.loads(line) for line in arguments.out.read_text().splitlines()]
+    rows = [row for row in read_rows(arguments.out) if options.items() <= row.items()]
     done = {(row["far"], row["near"]) for row in rows}
     wanted = pairs_of(arguments.photos, arguments.pairs)
     todo = [pair for pair in wanted if (pair[0].name, pair[1].name) not in done]
     run = Parallel(n_jobs=arguments.jobs, return_as="generator")
-    with arguments.out.open("a") as file:
+    with RowFile(arguments.out) as file:
         for row in run(delayed(localized)(*pair, options) for pair in todo):
-            file.write(json.dumps(row) + "\n")
-            file.flush()
+            file.append(row)
             rows.append(row)
     confident = [row for row in rows if (row["confidence"] or 0) >= CONFIDENT]
     evidence = [row["log10_false_alarms"] for row in rows if row["log10_false_alarms"] is not None]

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
+from nearfar.bench import feature_store
 from nearfar.bench.feature_store import NOT_IN_FEATURES, FeatureStore, flattened, settings_hash
 from nearfar.landmarks import Landmarks
 from nearfar.localizer import Localizer
@@ -260,6 +261,19 @@ def test_every_setting_makes_other_features_unless_it_is_named(tmp_path: Path) -
         for name in ("one", "copy", "two")
     )
     assert one == copy != two
+
+
+def test_another_shipped_network_makes_other_features(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(feature_store, "_PACKAGE", tmp_path)
+    found = set()
+    for content in (b"one", b"two"):
+        (tmp_path / "network.onnx").write_bytes(content)
+        feature_store._code_hash.cache_clear()
+        found.add(settings_hash(Settings()))
+    feature_store._code_hash.cache_clear()
+    assert len(found) == 2
 
 
 def test_a_localizer_computes_features_once_for_all_runs(

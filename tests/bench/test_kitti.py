@@ -74,6 +74,14 @@ def test_missing_data_are_named(tmp_path: Path) -> None:
         find_kitti_cases(tmp_path)
 
 
+def test_no_other_camera_stands_in_for_a_missing_one(tmp_path: Path) -> None:
+    write_sequence(tmp_path, (0, 5))
+    sequence = tmp_path / "sequences" / "07"
+    (sequence / "image_0").rename(sequence / "image_2")
+    with pytest.raises(BenchmarkError, match=r"calib\.txt has no P2"):
+        find_kitti_cases(tmp_path)
+
+
 def test_counts_of_the_real_poses(extra_data: Path) -> None:
     """All pairs within 45 degrees about each axis, and those with ten successors."""
     within, full = 0, 0

@@ -13,6 +13,7 @@ from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.paper_size import PAPER_SIZE, resized_to_paper
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.errors import transfer_errors
+from nearfar.geometry.scale import scale_change
 from nearfar.image import read_image
 
 HALF = np.array([[0.5, 0, 20.25], [0, 0.5, 10.25], [0, 0, 1.0]])
@@ -49,9 +50,10 @@ def test_authors_layout(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> 
     assert case.scale_change == pytest.approx(2)
     np.testing.assert_allclose(case.far_points, far_points, atol=1e-9)
     np.testing.assert_allclose(case.near_points, near_points, atol=1e-9)
-    (scene / "1_to_2.yaml").write_text("{1: [[0, 0]]}")
-    with pytest.raises(BenchmarkError, match="1_to_2"):
-        find_pairs(tmp_path)
+    for other in ({"1": [[0, 0]]}, {name: points[:3] for name, points in shares.items()}):
+        (scene / "1_to_2.yaml").write_text(str(other))
+        with pytest.raises(BenchmarkError, match="1_to_2"):
+            find_pairs(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +96,8 @@ def test_paper_size_keeps_positions(tmp_path: Path, images: tuple[RGBPixels, RGB
     np.testing.assert_allclose(
         (case.near_points + 0.5) / PAPER_SIZE, (cases[0].near_points + 0.5) / (600, 400)
     )
+    assert case.scale_change == scale_change(case.far_points, case.near_points)
+    assert case.scale_change != cases[0].scale_change
 
 
 @pytest.mark.parametrize("shift", [(-40, -30), (0, -30), (-40, -250), (100, 0)])

@@ -1,7 +1,9 @@
 """The report: its figures are those of the rows, and its page needs nothing but itself."""
 
 import csv
+import itertools
 import json
+import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,6 +13,7 @@ import pytest
 from pyarrow import parquet
 
 from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.report import plots
 from nearfar.bench.report.gallery import chosen
 from nearfar.bench.report.load import Result, load_benchmarks, load_record
 from nearfar.bench.report.summary import Share, by_group, group_number, summarize
@@ -267,6 +270,24 @@ def test_the_narrowest_failures_and_the_hardest_successes_come_first(tmp_path: P
 
     assert names(3) == ["close", "hard", "far off"]
     assert names(1) == ["close"]
+
+
+def test_of_many_results_all_methods_are_drawn_for_the_same_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plots, "_MOST_POINTS", 4)
+    methods = {"sift": 0, "orb": 1}
+    by_method = [
+        rows_of(4, 4, method=method, model="homography", true_scale_change=2.0)
+        for method in methods
+    ]
+    in_turns = itertools.chain.from_iterable(zip(*by_method, strict=True))
+    (benchmark,) = load_benchmarks([write_rows(tmp_path / "run", in_turns)])
+    charts = {chart.title: chart for chart in plots.charts_of(benchmark, methods)}
+    found = charts["Error against scale change"]
+    assert "2 of 4 cases" in found.note
+    marks = [re.findall(rf"<use [^>]*var\(--series-{n}\)", found.svg) for n in methods.values()]
+    assert [len(own) for own in marks] == [3, 3]  # two cases, and one in the legend
 
 
 def test_many_methods_and_missing_images(tmp_path: Path) -> None:

@@ -110,6 +110,24 @@ def test_tables(folder: Path, tmp_path: Path) -> None:
 def test_malformed_pairs_are_named(tmp_path: Path) -> None:
     with pytest.raises(BenchmarkError, match=r"pair\.json"):
         find_pairs(tmp_path)
-    (tmp_path / "pair.json").write_text('{"far": "a.png"}')
-    with pytest.raises(BenchmarkError, match=r"pair\.json"):
-        find_pairs(tmp_path)
+    corners = [[0, 0], [9, 0], [9, 9], [0, 9]]
+    valid = {"near": "b.png", "far_points": corners, "near_points": corners}
+    for other in ({}, {"far": 5, "model": "homography"}, {"far": "a.png", "model": []}):
+        (tmp_path / "pair.json").write_text(json.dumps(valid | other))
+        with pytest.raises(BenchmarkError, match=r"pair\.json"):
+            find_pairs(tmp_path)
+
+
+def test_pairs_of_the_folder_itself_have_its_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder / "right")
+    for root in (Path(), folder / "right"):
+        assert [case.name for case in find_pairs(root)] == ["right"]
+
+
+@pytest.mark.parametrize("line", [b"[1]\n", b"{\n", b"\xff\n"])
+def test_other_files_are_no_results(tmp_path: Path, line: bytes) -> None:
+    (tmp_path / "rows.jsonl").write_bytes(line)
+    with pytest.raises(BenchmarkError, match="no result"):
+        read_rows(tmp_path / "rows.jsonl")

@@ -11,6 +11,7 @@ from nearfar.bench.scenes import scene
         ("oxford/graf_1_2", "graf"),
         ("evd/graf", "graf"),
         ("graf/1_2", "graf"),
+        ("graf/1_10", "graf"),
         ("homogr/LePoint1", "LePoint1"),
         ("copr/IMG_0046", "IMG_0046"),
         ("alone", "alone"),

@@ -17,6 +17,7 @@ from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import RowFile, read_rows
 from nearfar.bench.run import run
 from nearfar.bench.workers import Workers
+from nearfar.errors import BenchmarkError
 from nearfar.settings import Settings
 from tests.bench.test_run import write_pair
 from tests.conftest import KnownPair
@@ -102,11 +103,20 @@ def test_a_full_disk_keeps_what_was_written(
     assert len(run(cases, [SIFT], file)) == 12
 
 
-def test_settings_and_environment_are_recorded(folder: Path, tmp_path: Path) -> None:
+def test_settings_and_environment_are_recorded(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["nearfar", "bench", "pairs", "my pairs"])
     cases = find_pairs(folder)[:1]
     run(cases, [SIFT], tmp_path / "rows.jsonl")
     (row,) = run(cases, [SIFT.replace(seed=1)], tmp_path / "rows.jsonl")
-    record = json.loads((tmp_path / "run.json").read_text())
+    text = (tmp_path / "run.json").read_text()
+    record = json.loads(text, parse_constant=pytest.fail)  # other programs read no Infinity
+    assert record["commands"] == ["nearfar bench pairs 'my pairs'"]
+    assert record["settings"][row["settings"]]["budget"] == "inf"
     assert len(record["settings"]) == 2
     assert record["settings"][row["settings"]]["seed"] == 1
     assert record["environment"]["packages"]["numpy"]
+    (tmp_path / "run.json").write_text(text[:99])
+    with pytest.raises(BenchmarkError, match=r"run\.json"):
+        run(cases, [SIFT], tmp_path / "rows.jsonl")

@@ -1,5 +1,6 @@
 """The sweep: shared features equal plain ones, in little memory; resuming; missing weights."""
 
+import errno
 import json
 import tracemalloc
 from collections.abc import Callable
@@ -164,6 +165,19 @@ def test_a_sweep_resumes(case: Case, settings: Settings, tmp_path: Path) -> None
     assert run_sweep([case], grid, settings, file, disk_bytes=0) == results
     assert without_seconds(read_rows(file)) == without_seconds([json.loads(line) for line in lines])
     assert sorted(path.suffix for path in file.parent.iterdir()) == [".json", ".jsonl"]
+
+
+def test_a_full_disk_ends_a_sweep_without_a_row(
+    case: Case, settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(VectorFile, "__init__", full)
+    file = tmp_path / "sweep_pairs.jsonl"
+    with pytest.raises(OSError, match="No space left"):
+        run_sweep([case], Grid("squeezenet", ("fire4",), (32,)), settings, file, disk_bytes=0)
+    assert read_rows(file) == []
 
 
 def test_workers_find_the_same(known_pair: KnownPair, settings: Settings, tmp_path: Path) -> None:

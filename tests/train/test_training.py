@@ -74,6 +74,25 @@ def test_folder_of_another_training_is_refused(
     assert (tmp_path / CHECKPOINT).read_bytes() == before
 
 
+def test_a_full_disk_keeps_the_checkpoint_before(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    def fill(step: int, _row: object) -> None:
+        if step == 2:
+            (tmp_path / CHECKPOINT).with_suffix(".part").symlink_to("/dev/full")
+
+    with pytest.raises(OSError, match="No space left"):
+        train(photographs[:3], photographs[3:], FEW, tmp_path, jobs=0, progress=fill)
+    assert torch.load(tmp_path / CHECKPOINT, weights_only=True)["step"] == 2
+
+
+def test_a_negative_number_of_jobs_is_refused(
+    photographs: list[Photograph], tmp_path: Path
+) -> None:
+    with pytest.raises(SettingsError, match="--jobs"):
+        train(photographs, [], FEW, tmp_path, jobs=-1)
+
+
 def test_too_few_photographs(photographs: list[Photograph], tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="too few"):
         train(photographs[:1], [], FEW, tmp_path)

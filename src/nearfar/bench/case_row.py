@@ -1,5 +1,7 @@
 """The row of a result file for one case and one localizer."""
 
+import errno
+
 from nearfar.bench.cases import Case
 from nearfar.bench.evaluate import evaluate, failure_columns
 from nearfar.bench.rows import Row
@@ -48,12 +50,16 @@ def identity(case: Case, settings: Settings, key: str, descriptor: str | None) -
 def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
     """Localize a case and compare with its truth.
 
-    Whatever goes wrong with one case is recorded in its row, so that a run goes on.
+    Whatever goes wrong with one case is recorded in its row, so that a run goes on; a full disk
+    is not the case's fault and ends the run.
 
     Args:
         case: the case.
         localizer: the method.
         key: hash of its settings, from `settings_key`.
+
+    Raises:
+        OSError: the disk is full.
     """
     row = identity(case, localizer.settings, key, localizer.descriptor)
     try:
@@ -64,6 +70,8 @@ def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
     except NearfarError as error:
         return row | {"status": "error", "reason": str(error)} | failure_columns(case)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
         reason = f"{type(error).__name__}: {error}"
         return row | {"status": "error", "reason": reason} | failure_columns(case)
     return row | {name: answer[name] for name in _KEPT} | errors

@@ -10,6 +10,18 @@ from nearfar.geometry.pose import RelativePose
 from nearfar.intrinsics import Intrinsics
 
 
+def name_below(folder: Path, root: Path) -> str:
+    """What a folder is called in the names of cases: its path below the root.
+
+    Args:
+        folder: the root or a folder below it.
+        root: the folder of all cases; as a case's folder it goes by its own name.
+    """
+    if folder != root:
+        return folder.relative_to(root).as_posix()
+    return folder.name or folder.resolve().name
+
+
 @dataclass(frozen=True)
 class Stereo:
     """The right camera beside the far one, rectified to it.

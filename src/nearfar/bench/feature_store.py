@@ -50,7 +50,10 @@ NOT_IN_FEATURES = frozenset(
 """Settings that change only what is done with features. (No method draws random numbers for them.)
 """
 
-_PARTS_WITHOUT_FEATURES = frozenset({"bench", "cli", "estimators", "geometry", "maps", "pictures"})
+_PACKAGE = Path(__file__).parents[1]
+_PARTS_WITHOUT_FEATURES = frozenset(
+    {"app", "bench", "cli", "estimators", "exports", "geometry", "maps", "pictures", "train"}
+)
 """Parts of the package in which a change leaves stored features valid."""
 
 _STRUCTURE = "structure"
@@ -171,7 +174,8 @@ def settings_hash(settings: Settings) -> str:
     """SHA-256 of all that features depend on beside the image.
 
     That is every setting but `NOT_IN_FEATURES`, with the content of weights files in place of
-    their names, the code of this package and the versions of the libraries that compute features.
+    their names, the code and network of this package, and the versions of the libraries that
+    compute features.
 
     Raises:
         OSError: a weights file cannot be read.
@@ -282,11 +286,10 @@ def _file_hash(file: Path) -> str:
 
 @functools.cache
 def _code_hash() -> str:
-    """SHA-256 of the package's source files that may compute features."""
-    package = Path(__file__).parents[1]
+    """SHA-256 of the package's source files and network that may compute features."""
     digest = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        name = file.relative_to(package)
+    for file in sorted([*_PACKAGE.rglob("*.py"), *_PACKAGE.rglob("*.onnx")]):
+        name = file.relative_to(_PACKAGE)
         if name.parts[0] not in _PARTS_WITHOUT_FEATURES:
             digest.update(f"{name.as_posix()} {_file_hash(file)}\n".encode())
     return digest.hexdigest()

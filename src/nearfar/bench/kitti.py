@@ -47,10 +47,10 @@ def read_poses(file: Path) -> NDArray[np.float64]:
 
 
 def read_calibration(file: Path) -> dict[str, NDArray[np.float64]]:
-    """The (3, 4) projection matrices P0... of a KITTI calib.txt, by name; P0 is there.
+    """The (3, 4) projection matrices P0... of a KITTI calib.txt, by name.
 
     Raises:
-        BenchmarkError: the file cannot be read, or has no P0.
+        BenchmarkError: the file cannot be read.
     """
     projections = {}
     try:
@@ -60,8 +60,6 @@ def read_calibration(file: Path) -> dict[str, NDArray[np.float64]]:
                 projections[name] = np.array(values.split(), np.float64).reshape(3, 4)
     except (OSError, ValueError) as error:
         raise BenchmarkError(f"calibration {file} cannot be read: {error}") from error
-    if "P0" not in projections:
-        raise BenchmarkError(f"calibration {file} has no P0")
     return projections
 
 
@@ -124,7 +122,7 @@ def find_kitti_cases(folder: Path) -> list[Case]:
     """The pairs of all sequences in a folder of the official layout of which images are there.
 
     Raises:
-        BenchmarkError: there are no images, or poses or intrinsics are missing.
+        BenchmarkError: there are no images, or poses or the projection of their camera are missing.
     """
     cases = [
         case
@@ -142,7 +140,9 @@ def _sequence_cases(sequence: Path, pose_file: Path) -> Iterator[Case]:
         return
     poses = read_poses(pose_file)
     projections = read_calibration(sequence / "calib.txt")
-    left = projections.get(f"P{number}", projections["P0"])
+    left = projections.get(f"P{number}")
+    if left is None:
+        raise BenchmarkError(f"calibration {sequence / 'calib.txt'} has no P{number}")
     camera = CameraIntrinsics(*(float(left[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
     camera_from_first = _offset(left)
     for pair in frame_pairs(poses):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.arrays import Coordinates
-from nearfar.bench.cases import Case
+from nearfar.bench.cases import Case, name_below
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.extras import require
 from nearfar.geometry.scale import scale_change
@@ -35,15 +35,15 @@ def find_montreal_pairs(folder: Path) -> Iterator[Case]:
 def _read(file: Path, first: str, second: str, folder: Path) -> Case:
     content = _load(file)
     views = [_view(file, content, name) for name in (first, second)]
-    if len(views[0][1]) != len(views[1][1]):
-        raise BenchmarkError(f"{file} has not as many points in {first} as in {second}")
+    if len(views[0][1]) != len(views[1][1]) or len(views[0][1]) < 4:
+        raise BenchmarkError(f"{file} needs as many points in {first} as in {second}, at least 4")
     change = scale_change(views[0][1], views[1][1])
     if not change:
         raise BenchmarkError(f"{file} needs at least two different points")
     if change < 1:
         views.reverse()
     (far, far_points), (near, near_points) = views
-    scene = file.parent.relative_to(folder).as_posix()
+    scene = name_below(file.parent, folder)
     return Case(
         name=f"{scene}/{file.stem}",
         group=scene,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from nearfar.arrays import Coordinates
-from nearfar.bench.cases import Case
+from nearfar.bench.cases import Case, name_below
 from nearfar.bench.montreal import find_montreal_pairs
 from nearfar.bench.sequences import find_sequence_pairs
 from nearfar.errors import BenchmarkError
@@ -36,21 +36,21 @@ def _read_pair(file: Path, folder: Path) -> Case:
     try:
         content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         far_points, near_points = _points(content["far_points"]), _points(content["near_points"])
-        far, near, model = content["far"], content["near"], content["model"]
+        far, near = file.parent / content["far"], file.parent / content["near"]
+        model = content["model"]
+        least = {"homography": 4, "fundamental": 1}.get(model)
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise BenchmarkError(f"{file} is not a valid pair: {error!r}") from error
-    least = {"homography": 4, "fundamental": 1}.get(model)
     if least is None or len(far_points) != len(near_points) or len(far_points) < least:
         raise BenchmarkError(
             f"{file} needs the model homography or fundamental, and as many far_points as "
             f"near_points: at least 4 for a homography"
         )
-    name = file.parent.relative_to(folder).as_posix()
     return Case(
-        name=name if name != "." else file.parent.name,
-        group=str(content.get("set", file.parent.parent.name)),
-        far=file.parent / far,
-        near=file.parent / near,
+        name=name_below(file.parent, folder),
+        group=str(content.get("set", file.parent.parent.name or file.resolve().parents[1].name)),
+        far=far,
+        near=near,
         model=model,
         scale_change=scale_change(far_points, near_points),
         far_points=far_points,

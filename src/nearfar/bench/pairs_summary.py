@@ -19,7 +19,7 @@ def log_ste(row: Row, column: str = "ste") -> float:
 
 
 def table_three(rows: Sequence[Row]) -> str:
-    """Markdown: per method the mean logarithm, both variants, failures, and the error per point."""
+    """Markdown: per method mean logarithms, failures, and the answers' median error per point."""
     header = [
         "method",
         "pairs",

@@ -11,6 +11,7 @@ from PIL import Image as PillowImage
 from nearfar.arrays import Coordinates
 from nearfar.bench.cases import Case
 from nearfar.errors import ImageError
+from nearfar.geometry.scale import scale_change
 from nearfar.image import read_image
 
 PAPER_SIZE = (1200, 900)
@@ -18,7 +19,7 @@ PAPER_SIZE = (1200, 900)
 
 
 def resized_to_paper(cases: Sequence[Case], folder: Path) -> list[Case]:
-    """The cases with images of 1200x900, written as PNG, and true points in their pixels.
+    """The cases with images of 1200x900, written as PNG, and true points and scale change in these.
 
     A case whose images cannot be read stays as it is, so that its run reports that.
     """
@@ -32,7 +33,12 @@ def _resized(case: Case, folder: Path) -> Case:
     except ImageError:
         return case
     return dataclasses.replace(
-        case, far=far, near=near, far_points=far_points, near_points=near_points
+        case,
+        far=far,
+        near=near,
+        scale_change=scale_change(far_points, near_points),
+        far_points=far_points,
+        near_points=near_points,
     )
 
 

@@ -8,8 +8,10 @@ import dataclasses
 import hashlib
 import importlib.metadata
 import json
+import math
 import os
 import platform
+import shlex
 import sys
 import time
 import uuid
@@ -63,16 +65,19 @@ def read_rows(file: Location) -> list[Row]:
         BenchmarkError: it holds something else.
         StorageError: it is in object storage that does not answer.
     """
-    if isinstance(file, Url):
-        lines = list(_joined(file, _parts(file))[0])
-    elif file.exists():
-        lines = file.read_text(encoding="utf-8").split("\n")[:-1]
-    else:
-        return []
     try:
-        return [json.loads(line) for line in lines if line]
+        if isinstance(file, Url):
+            lines = list(_joined(file, _parts(file))[0])
+        elif file.exists():
+            lines = file.read_text(encoding="utf-8").split("\n")[:-1]
+        else:
+            return []
+        rows = [json.loads(line) for line in lines if line]
     except ValueError as error:
         raise BenchmarkError(f"{file} has a line that is no result: {error}") from error
+    if not all(isinstance(row, dict) for row in rows):
+        raise BenchmarkError(f"{file} has a line that is no result: not a JSON object")
+    return rows
 
 
 def row_file(file: Location) -> "RowFile | PartedRowFile":
@@ -211,10 +216,18 @@ def _join(file: Url) -> None:
 
 
 def record_run(folder: Location, settings: Sequence[Settings]) -> None:
-    """Write or complete `run.json`: version, commands, environment, settings by key."""
+    """Write or complete `run.json`: version, commands, environment, settings by key.
+
+    Raises:
+        BenchmarkError: there is a `run.json` that cannot be read.
+        OSError: it cannot be written.
+    """
     known = _recorded(folder)
-    command = " ".join(["nearfar", *sys.argv[1:]])
+    command = shlex.join(["nearfar", *sys.argv[1:]])
     commands = [*known.get("commands", []), command]
+    tables = known.get("settings", {}) | {
+        settings_key(each): settings_table(each) for each in settings
+    }
     content = {
         "nearfar": importlib.metadata.version("nearfar"),
         "commands": list(dict.fromkeys(commands)),
@@ -224,8 +237,7 @@ def record_run(folder: Location, settings: Sequence[Settings]) -> None:
             "cpus": os.cpu_count(),
             "packages": versions(),
         },
-        "settings": known.get("settings", {})
-        | {settings_key(each): settings_table(each) for each in settings},
+        "settings": {key: _without_infinity(table) for key, table in tables.items()},
         "runs": known.get("runs", []),
     }
     _record(folder, content)
@@ -244,16 +256,25 @@ def record_metrics(folder: Location, file: str, metrics: RunMetrics) -> None:
     _record(folder, {**known, "runs": [*known.get("runs", []), run]})
 
 
+def _without_infinity(table: dict[str, Any]) -> dict[str, Any]:
+    """Settings in what standard JSON can hold."""
+    return {name: "inf" if value == math.inf else value for name, value in table.items()}
+
+
 def _recorded(folder: Location) -> dict[str, Any]:
     try:
         known: dict[str, Any] = json.loads((folder / RECORD).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
+    except ValueError as error:
+        raise BenchmarkError(
+            f"{folder / RECORD} cannot be read ({error}): remove it to go on"
+        ) from error
     return known
 
 
 def _record(folder: Location, content: dict[str, Any]) -> None:
-    file, text = folder / RECORD, json.dumps(content, indent=1) + "\n"
+    file, text = folder / RECORD, json.dumps(content, indent=1, allow_nan=False) + "\n"
     if isinstance(file, Url):
         file.write_text(text)
         return

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
-from nearfar.bench.cases import Case
+from nearfar.bench.cases import Case, name_below
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.geometry.homography import transform
 from nearfar.geometry.scale import scale_change
@@ -50,7 +50,7 @@ def _read(file: Path, number: int, folder: Path) -> Case:
             break
     else:
         raise BenchmarkError(f"the images related by {file} do not overlap")
-    sequence = file.parent.relative_to(folder).as_posix()
+    sequence = name_below(file.parent, folder)
     return Case(
         name=f"{sequence}/1_{number}",
         group=sequence,

@@ -109,10 +109,10 @@ class _Sources:
 
 @dataclass(frozen=True)
 class _Task:
-    """A case, and the configurations that it still lacks."""
+    """A case, and the configurations that it still lacks, each with the hash of its settings."""
 
     case: Case
-    wanted: tuple[Settings, ...]
+    wanted: tuple[tuple[Settings, str], ...]
     sources: _Sources
 
 
@@ -150,7 +150,9 @@ def run_sweep(
     sources = _Sources(tuple(variants.values()), file.parent, disk_bytes)
     tasks = []
     for case in cases:
-        wanted = tuple(variants[name] for name in ready if (case.name, keys[name]) not in rows)
+        wanted = tuple(
+            (variants[name], keys[name]) for name in ready if (case.name, keys[name]) not in rows
+        )
         if wanted:
             tasks.append(_Task(case, wanted, sources))
     meter = Meter()
@@ -174,15 +176,12 @@ def run_sweep(
 def _rows(task: _Task) -> list[Row]:
     """The rows of one case."""
     localizers = _localizers(task.sources)
-    return [
-        localized_row(task.case, localizers[each.descriptor], settings_key(each))
-        for each in task.wanted
-    ]
+    return [localized_row(task.case, localizers[each.descriptor], key) for each, key in task.wanted]
 
 
 def _died(task: _Task) -> list[Row]:
     """The rows of a case that killed its worker."""
-    return [died_row(task.case, each, settings_key(each), each.descriptor) for each in task.wanted]
+    return [died_row(task.case, each, key, each.descriptor) for each, key in task.wanted]
 
 
 def _lacks_weights(descriptor: str, settings: Settings) -> bool:

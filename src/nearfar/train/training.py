@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import io
 import json
 import math
 import time
@@ -86,13 +87,17 @@ def train(
         validation: photographs to measure recall on.
         configuration: what to do.
         out: folder of checkpoint and log.
-        jobs: processes that make batches, beside the one that trains.
+        jobs: processes that make batches, beside the one that trains; 0: that one makes them.
         progress: called with each step and, where there is one, its line of the log.
 
     Raises:
+        SettingsError: `jobs` is negative.
         TrainingError: there are too few photographs, or `out` holds a training with another
             configuration or other photographs.
+        OSError: the checkpoint or the log cannot be written; the checkpoint before is kept.
     """
+    if jobs < 0:
+        raise SettingsError(f"--jobs must be at least 0, not {jobs}")
     if len(training) < 2:
         raise TrainingError(
             f"{len(training)} photographs of at least 64x64 pixels are too few to train on"
@@ -186,14 +191,16 @@ class _Training:
         """Write a checkpoint so that a crash leaves either the old or the new one."""
         unfinished = file.with_suffix(".part")
         network, optimizer = self.network.state_dict(), self._optimizer.state_dict()
-        torch.save({"network": network, "optimizer": optimizer, "step": step}, unfinished)
+        content = io.BytesIO()  # Torch itself raises a RuntimeError on a full disk.
+        torch.save({"network": network, "optimizer": optimizer, "step": step}, content)
+        unfinished.write_bytes(content.getbuffer())
         unfinished.replace(file)
 
     def resume(self, file: Path) -> int:
         """Read the checkpoint, if there is one; returns the steps that are done."""
         if not file.exists():
             return 0
-        state = torch.load(file, weights_only=True)
+        state = torch.load(file, map_location="cpu", weights_only=True)
         self.network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
         return int(state["step"])

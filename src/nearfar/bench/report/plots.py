@@ -36,7 +36,7 @@ from nearfar.bench.report.summary import (
 
 _MOST_METHODS = len(SERIES)
 _MOST_POINTS = 2_000
-"""Of more results, evenly many are drawn."""
+"""Of more results, those of evenly chosen cases are drawn."""
 _MOST_TICKS = 12
 _SHOWN = 99.5
 """Largest share of the errors, in percent, that an axis makes room for."""
@@ -99,9 +99,14 @@ def _against_scale(
     scaled = [result for result in benchmark.results if (result.true_scale_change or 0) > 0]
     if not scaled:
         return
-    thinned = "" if len(scaled) <= _MOST_POINTS else f" {_MOST_POINTS:,} results, evenly chosen."
-    chosen = {id(result) for result in scaled[:: -(-len(scaled) // _MOST_POINTS)]}
-    drawn = {m: [r for r in results if id(r) in chosen] for m, results in methods.items()}
+    cases = list(dict.fromkeys(result.case for result in scaled))
+    chosen = set(cases[:: -(-len(scaled) // _MOST_POINTS)])
+    thinned = (
+        f" {len(chosen):,} of {len(cases):,} cases, evenly chosen."
+        if len(chosen) < len(cases)
+        else ""
+    )
+    drawn = {m: [r for r in results if r.case in chosen] for m, results in methods.items()}
     yield chart(
         f"{benchmark.name}-scale",
         "Error against scale change",

@@ -5,12 +5,11 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from nearfar.bench.kitti_summary import MEASURES, PAPER_TABLE_II
+from nearfar.bench.kitti_summary import MEASURES, PAPER_PAIRS, PAPER_TABLE_II
 from nearfar.bench.pairs_summary import PAPER_TABLE_III
 from nearfar.bench.report.load import Benchmark, Result
 from nearfar.bench.report.summary import DASH, by_method, is_pose, measured, summarize
 
-_PAPER_PAIRS = 40_748
 KITTI_PAIRS = range(40_000, 42_000)
 """So many pairs of sequences 00-10 are the paper's experiment."""
 
@@ -48,7 +47,7 @@ def _table_ii(benchmark: Benchmark) -> Comparison | None:
     for method, (t_err, r_err, failures) in PAPER_TABLE_II.items():
         cells = {"t_err_stereo": f"{t_err:.3f}", "r_err": f"{r_err:.3f}"}
         found = (cells.get(name, DASH) for name in MEASURES)
-        lines.append(Line(method, True, (f"{_PAPER_PAIRS:,}", *found, f"{failures:,}")))
+        lines.append(Line(method, True, (f"{PAPER_PAIRS:,}", *found, f"{failures:,}")))
     for method, results in by_method(benchmark).items():
         unanswered = f"{summarize(results).unanswered.count:,}"
         means = (_mean(measured(results, name)) for name in MEASURES)
@@ -57,7 +56,7 @@ def _table_ii(benchmark: Benchmark) -> Comparison | None:
     return Comparison(
         "The paper's Table II",
         f"{'' if complete else 'Not comparable: other pairs. '}The paper's rows are over "
-        f"{_PAPER_PAIRS:,} pairs of sequences 00-10, with the length of the translation from "
+        f"{PAPER_PAIRS:,} pairs of sequences 00-10, with the length of the translation from "
         "stereo. Means over all pairs; without an answer an error is 1.",
         ("pairs", *MEASURES.values(), "failures"),
         tuple(lines),

@@ -194,7 +194,8 @@ def _limits(benchmark: Benchmark) -> str:
     if "homography" in models:
         parts.append(
             f"Strict: mean transfer error of the true points below {STRICT_PX:g} px. Loose: below "
-            f"{LOOSE_SHARE:.0%} of the diagonal of the near image's true outline."
+            f"{100 * LOOSE_SHARE:.0f} % of the diagonal of the near image's true outline, at least "
+            f"{STRICT_PX:g} px."
         )
     if "fundamental" in models:
         parts.append(
