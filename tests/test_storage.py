@@ -31,7 +31,7 @@ def test_a_url_never_holds_credentials() -> None:
         location("ftp://server/map")
 
 
-def test_files(bucket: Url) -> None:
+def test_files(bucket: Url, monkeypatch: pytest.MonkeyPatch) -> None:
     file = bucket / "folder" / "file.txt"
     assert not file.exists()
     with pytest.raises(FileNotFoundError):
@@ -43,6 +43,13 @@ def test_files(bucket: Url) -> None:
     assert (listed, listed.listed) == (file, file.state())
     assert file.state().size == 2
     assert file.state() != FileState(2, 0)
+    large = bucket / "large"
+    large.write_bytes(bytes(range(256)) * 50_000)
+    with monkeypatch.context() as context:
+        context.setattr(Url, "read_bytes", None)  # It would hold all in memory.
+        with local_copy(large) as copy:
+            assert copy.read_bytes() == bytes(range(256)) * 50_000
+    large.unlink()
     with local_copy(file) as copy:
         assert (copy.name, copy.read_text()) == ("file.txt", "é")
     assert not copy.exists()

@@ -132,6 +132,16 @@ class Url:
             found = obstore.get(_store(self.bucket), self.key)
             return bytes(found.bytes()), str(found.meta["e_tag"])
 
+    def download(self, file: Path) -> None:
+        """Copy the content to a file on a disk, part by part, so that memory does not grow."""
+        import obstore
+
+        with storage_errors(self):
+            found = obstore.get(_store(self.bucket), self.key)
+            with file.open("wb") as copy:
+                for part in found.stream():
+                    copy.write(part)
+
     def read_text(self, encoding: str = "utf-8") -> str:
         """The content as text."""
         return self.read_bytes().decode(encoding)
@@ -257,7 +267,7 @@ def local_copy(file: Location) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / file.name
-        copy.write_bytes(file.read_bytes())
+        file.download(copy)
         yield copy
 
 

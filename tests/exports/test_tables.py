@@ -13,6 +13,7 @@ from PIL import Image as PillowImage
 import nearfar
 from nearfar import ExportError, Localization, read_image
 from nearfar.arrays import Matrix3
+from nearfar.exports import Subject
 from nearfar.geometry.homography import transform
 from tests.exports.conftest import Posed
 
@@ -140,6 +141,11 @@ def test_images_need_distinct_names_and_upright_pixels(
     nearfar.export(replace(found, far=far), name, tmp_path / "x", far="a.png", near="b.png")
     with pytest.raises(ExportError, match="both images are called near.png"):
         nearfar.export(replace(found, far=found.near), name, tmp_path / "x")
+    with pytest.MonkeyPatch.context() as context:
+        context.chdir(images[0].parent)
+        near = read_image(Path("..", "near.png"))
+        names = Subject(replace(found, near=near, far=read_image("far.png"))).names
+    assert (names.far, names.near) == ("maps/far.png", "near.png")
     exif = PillowImage.Exif()
     exif[0x0112] = 6
     PillowImage.fromarray(found.far.pixels).save(images[0], exif=exif)

@@ -1,5 +1,6 @@
 """How maps change: images added, replaced and removed, builds killed, several processes."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -66,6 +67,16 @@ def test_an_image_that_cannot_be_read_is_recorded(photos: Path, pictures: Pictur
     write(photos / "good.png", pictures("coins")).rename(broken)
     assert town.add([photos / "coffee.png", broken]).replaced == 1
     assert all(each.usable for each in town.images)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
+def test_a_name_that_is_no_text_is_left_out(photos: Path) -> None:
+    os.link(photos / "coins.png", os.fsencode(photos) + b"/\xff.png")
+    town = open_map(photos.parent / "map", create=True)
+    added = town.add([photos / "page.png", photos / os.fsdecode(b"\xff.png")])
+    assert (added.added, added.unchanged) == (1, 0)
+    assert added.failed == (("photos/\udcff.png", "its name is not UTF-8: rename it"),)
+    assert [image.name for image in town.images] == ["photos/page.png"]
 
 
 def test_files_that_vanish_or_change_are_told(

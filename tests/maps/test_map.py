@@ -136,6 +136,21 @@ def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
             open_map(tmp_path / "map")
 
 
+def test_two_make_a_map_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make = store._make_tables
+
+    def make_slowly(folder: Path) -> None:
+        monkeypatch.setattr(store, "_make_tables", make)
+        open_map(tmp_path / "map", create=True)
+        make(folder)
+
+    monkeypatch.setattr(store, "_make_tables", make_slowly)
+    with pytest.raises(MapError, match="is a map by now"):
+        open_map(tmp_path / "map", create=True)
+    assert open_map(tmp_path / "map").problems() == []
+    assert [file.name for file in tmp_path.iterdir()] == ["map"]
+
+
 def test_jobs_give_the_same_map(photos: Path, small_town: Path) -> None:
     two = open_map(photos.parent / "map", create=True)
     assert two.add([photos], jobs=2).added == len(NAMES)

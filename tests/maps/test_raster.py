@@ -26,6 +26,7 @@ MANY = 200_000_000
 def write_tiff(file: Path, bands: np.ndarray, crs: str | None = CRS, **options: Any) -> Path:
     """A GeoTIFF of (bands, rows, columns), or without a system a plain TIFF."""
     where = {} if crs is None else {"crs": crs, "transform": rasterio.Affine(*NORTH_UP)}
+    where |= options.pop("where", {})
     count, height, width = bands.shape
     size = {"count": count, "height": height, "width": width, "dtype": bands.dtype}
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -76,6 +77,17 @@ def test_sixteen_bits_are_scaled_by_those_in_use(tmp_path: Path, bands: np.ndarr
     raster = open_raster(write_tiff(tmp_path / "map.tif", deep))
     found = raster.read(tile_of(raster)).astype(int)
     assert np.abs(found - np.moveaxis(bands, 0, -1)).max() <= 1
+
+
+def test_values_for_no_data_do_not_darken_the_others(tmp_path: Path, bands: np.ndarray) -> None:
+    deep = bands.astype(np.uint16) << 4
+    deep[:, :100] = 65535
+    raster = open_raster(write_tiff(tmp_path / "map.tif", deep, nodata=65535))
+    found = raster.read(tile_of(raster)).astype(int)
+    assert np.abs(found - np.moveaxis(bands, 0, -1))[100:].max() <= 1
+    assert np.unique(found[:100]).tolist() == [128]
+    empty = open_raster(write_tiff(tmp_path / "no.tif", deep[:, :9], nodata=65535))
+    assert np.unique(empty.read(tile_of(empty))).tolist() == [128]
 
 
 @pytest.mark.parametrize("by", ["nodata", "alpha"])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nearfar.maps import store
+from nearfar.maps import search, store
 from nearfar.maps.entries import Block
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.search import NONE, nearest, nearest_by_index
@@ -71,3 +71,19 @@ def test_an_index_finds_nearly_all(
     assert set(found.image.ravel()) <= {NONE, *known}
     assert (np.diff(found.similarity, axis=1) <= 0).all()
     assert (found.similarity >= exact.similarity[:, -1:] - 1e-5).mean() > 0.9
+
+
+def test_an_index_is_asked_for_any_number_of_vectors(
+    small_town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(small_town, tmp_path / "map")
+    town = MapStore(tmp_path / "map")
+    with town.writing():
+        town.index(1000)
+    known = [image.id for image in town.images()]
+    vectors = next(town.blocks()).vectors[:5]
+    every = nearest_by_index(town, vectors, 3, known)
+    monkeypatch.setattr(search, "QUERIES_AT_ONCE", 4)
+    assert nearest_by_index(town, vectors, 3, known).similarity == pytest.approx(every.similarity)
+    alone = nearest_by_index(town, vectors[4:], 3, known)
+    assert alone.similarity[0] == pytest.approx(every.similarity[4])

@@ -95,6 +95,7 @@ def test_files_and_folders(tmp_path: Path) -> None:
     names = ["b.png", "a.JPG", "below/c.tif"]
     files = [write(tmp_path / "in" / name, pixels).resolve() for name in names]
     (tmp_path / "in" / "notes.txt").write_text("no image")
+    (tmp_path / "in" / "folder.png").mkdir()
     odd = write(tmp_path / "d.png", pixels).rename(tmp_path / "no suffix").resolve()
     assert set(image_files([tmp_path / "in"])) == set(files)
     assert image_files([odd, files[0], odd]) == [odd, files[0]]

@@ -1,5 +1,6 @@
 """A map of an older format is refused, says what to do, and can be upgraded."""
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -52,6 +53,18 @@ def test_a_map_of_format_1(
     assert content_hash(photos / "coins.png") == upgraded.images[0].sha256
 
 
+def test_a_full_disk_leaves_the_old_map(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(file: Path, *_: object, **__: object) -> None:
+        file.write_bytes(b"{")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as context:
+        context.setattr(Path, "write_text", full)
+        assert main(["map", "upgrade", str(old)]) == 2
+    assert main(["map", "upgrade", str(old)]) == 0
+    assert open_map(old).problems() == []
+
+
 def test_other_formats_cannot_be_upgraded(
     small_town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,4 +73,7 @@ def test_other_formats_cannot_be_upgraded(
         (tmp_path / FILE).write_text(json.dumps({**made, "format": number}))
         assert main(["map", "upgrade", str(tmp_path)]) == 2
         assert f"format {number}" in capsys.readouterr().err
+    (tmp_path / FILE).write_text(json.dumps({**made, "format": 99, "unknown": 1}))
+    with pytest.raises(MapError, match=r"format 99 .*use the nearfar that made it"):
+        open_map(tmp_path)
     assert main(["map", "upgrade", str(tmp_path / "none")]) == 2

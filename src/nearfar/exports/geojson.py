@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.arrays import Coordinates
-from nearfar.errors import ExportError, ImageError
+from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.extras import require
 from nearfar.image import Image
 from nearfar.localization import Localization
 from nearfar.maps.raster import tiff_header
@@ -31,6 +30,7 @@ class GeoJsonExporter(Exporter):
         """See `Exporter.write`.
 
         Raises:
+            ImageError: the far image is a GeoTIFF that is stored turned.
             MissingExtraError: the far image is a GeoTIFF and the extra `geo` is not installed.
         """
         found = subject.localization
@@ -78,9 +78,6 @@ def _on_earth(found: Localization) -> WorldCoordinates | None:
     header = None if file is None else tiff_header(file)
     if file is None or header is None or not header.georeferenced:
         return None
-    require("geo", "rasterio")
-    if header.orientation != 1:
-        raise ImageError(f"{file} is a GeoTIFF that is stored turned: save it upright")
     size = found.near.width, found.near.height
     place = geo_place(file, np.asarray(found.far_from_near), size)
     seen = None if place is None else place.longitude_latitude

@@ -80,7 +80,7 @@ class Subject:
 
 def _relative(paths: list[Path | None]) -> list[str]:
     """The paths relative to the deepest folder that holds both files."""
-    known = [path.absolute() for path in paths if path is not None]
+    known = [Path(os.path.abspath(path)) for path in paths if path is not None]  # noqa: PTH100
     if len(known) < len(paths):
         raise ExportError(
             "an image that was given as an array has no name: say what its file is called "

@@ -35,7 +35,7 @@ class Added:
         added: images that are new.
         replaced: images whose content had changed, or that could not be read before.
         unchanged: images that were there already.
-        failed: name and reason of those that could not be read.
+        failed: name and reason of those that could not be read, or have a name that no table holds.
         metrics: what it took.
     """
 
@@ -91,6 +91,9 @@ def add_images(
     meter = Meter()
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
+    nameless = [name for name in named if not _is_unicode(name)]
+    for name in nameless:
+        del named[name]
     tasks = []
     for name, file in named.items():
         old = known.get(name)
@@ -113,14 +116,24 @@ def add_images(
     waiting.commit()
     usable_images = [image for image in described if image.usable]
     replaced = sum(image.name in known for image in usable_images)
-    failed = sorted((each.name, each.status) for each in described if not each.usable)
+    failed = [(each.name, each.status) for each in described if not each.usable]
+    failed += [(name, "its name is not UTF-8: rename it") for name in nameless]
     return Added(
         len(usable_images) - replaced,
         replaced,
         meter.skipped + same,
-        tuple(failed),
+        tuple(sorted(failed)),
         meter.metrics(),
     )
+
+
+def _is_unicode(name: str) -> bool:
+    """Whether a file's name is text; names on Linux may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 class _Waiting:

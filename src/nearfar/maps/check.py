@@ -44,11 +44,11 @@ def problems(store: MapStore, *, content: bool = False) -> list[Problem]:
     for block in store.blocks():
         for image, count in zip(*np.unique(block.image, return_counts=True), strict=True):
             counts[int(image)] = counts.get(int(image), 0) + int(count)
-    images = store.images()
+    images, tiled = store.images(), store.tiled()
     found = []
     for image in images:
         found += [Problem(image.name, what) for what in _of_file(image, store, content=content)]
-        if image.usable and not store.tiles(image.id):
+        if image.usable and image.id not in tiled:
             found.append(Problem(image.name, "its tiles are missing: remove and add it"))
         if counts.get(image.id, 0) != image.landmarks:
             found.append(Problem(image.name, "landmarks are missing: remove and add it"))

@@ -5,6 +5,7 @@ import hashlib
 import importlib.metadata
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 from nearfar.errors import MapError
 from nearfar.networks.landmark_network import landmark_network
@@ -38,13 +39,18 @@ class Manifest:
     max_size: int
 
     def write(self, folder: Location) -> None:
-        """Write it into the folder of a map.
+        """Write it into the folder of a map, or replace the one there as a whole.
 
         Raises:
             OSError: it cannot be written.
         """
         text = json.dumps(dataclasses.asdict(self), indent=1) + "\n"
-        (folder / FILE).write_text(text, encoding="utf-8")
+        if isinstance(folder, Path):
+            incomplete = folder / f"{FILE}.incomplete"
+            incomplete.write_text(text, encoding="utf-8")
+            incomplete.replace(folder / FILE)
+        else:
+            (folder / FILE).write_text(text, encoding="utf-8")
 
     def check_max_size(self, asked: int | None, folder: Location) -> None:
         """Check that the map was made of images reduced to a size; None fits any.
@@ -105,7 +111,7 @@ def read_manifest(folder: Location) -> Manifest:
     if found.format != FORMAT:
         raise MapError(
             f"the map {folder} has the format {found.format} (nearfar {found.nearfar}), this "
-            f"version reads and writes {FORMAT}: build it anew"
+            f"version reads and writes {FORMAT}: use the nearfar that made it, or build it anew"
         )
     return found
 
@@ -115,12 +121,14 @@ def read_any_manifest(folder: Location) -> Manifest:
 
     Raises:
         MapError: there is no map, or its manifest is damaged.
+        OSError: it cannot be read.
         StorageError: it is in object storage that does not answer.
     """
     try:
         content = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        return Manifest(**{**content, "format": int(content["format"])})
-    except OSError:
+        known = {each.name: content[each.name] for each in dataclasses.fields(Manifest)}
+        return Manifest(**{**known, "format": int(content["format"])})
+    except (FileNotFoundError, NotADirectoryError):
         raise MapError(f"{folder} is no map: make one with `nearfar map build`") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(f"{folder / FILE} is damaged: build the map anew") from None

@@ -142,8 +142,10 @@ class Map:
 
         Raises:
             BenchmarkError: the cluster cannot be used.
-            MapError: there is no such file, another process is writing, or the map was made with
-                another descriptor.
+            MapError: there is no such file, another process is writing, the map was made with
+                another descriptor, or its tables cannot be written, e.g. on a full disk; what was
+                committed is kept.
+            SettingsError: `jobs` is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
         if jobs < 1:
@@ -193,7 +195,10 @@ class Map:
             return self._attached(poses.views(world, camera, files, self._of_files(files)))
 
     def _attached(self, views: dict[int, View]) -> int:
-        ViewStore(self.folder).put(views)
+        """Put views, and remove those of images that are no longer there; how many were put."""
+        store = ViewStore(self.folder)
+        store.put(views)
+        store.remove(store.ids() - {image.id for image in self._store.images()})
         return len(views)
 
     def _of_files(self, files: Iterable[Location]) -> list[MapImage | None]:
@@ -217,6 +222,7 @@ class Map:
             ids = {image.name: image.id for image in self._store.images()}
             chosen = {self._id_of(str(name), ids) for name in names}
             self._store.remove(chosen)
+            ViewStore(self.folder).remove(chosen)
         return len(chosen)
 
     @property

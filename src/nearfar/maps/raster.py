@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from nearfar.arrays import RGBPixels
@@ -53,6 +52,15 @@ class TiffHeader:
         """Whether it is to be read tile by tile: a GeoTIFF, or one with more pixels."""
         upright = self.orientation == 1
         return upright and (self.georeferenced or self.width * self.height > max_pixels)
+
+    def check_upright(self, file: Path) -> None:
+        """Check that a GeoTIFF's pixels lie as its georeference, which ignores the orientation.
+
+        Raises:
+            ImageError: they do not.
+        """
+        if self.georeferenced and self.orientation != 1:
+            raise ImageError(f"{file} is a GeoTIFF that is stored turned: save it upright")
 
 
 def tiff_header(file: Path) -> TiffHeader | None:
@@ -124,7 +132,6 @@ def open_raster(file: Path) -> Raster:
         ImageError: it cannot be read, or is of a kind that is not supported.
         MissingExtraError: the extra `geo` is not installed.
     """
-    require("geo", "rasterio")
     with opened(file) as dataset:
         bands, kind = _bands(file, dataset), dataset.dtypes[0]
         if kind not in ("uint8", "uint16"):
@@ -148,15 +155,20 @@ def _bands(file: Path, dataset: Any) -> tuple[int, int, int]:
 
 
 def _largest(dataset: Any, bands: tuple[int, int, int]) -> int:
-    """The largest number of as many bits as the values use, at least 8."""
+    """The largest number of as many bits as the values use, at least 8; no-data values aside."""
     columns, rows = reduced_size(dataset.width, dataset.height, SAMPLED)
-    values: NDArray[np.uint16] = dataset.read(bands, out_shape=(3, rows, columns))
-    return int(2 ** max(8, int(values.max()).bit_length()) - 1)
+    values = dataset.read(bands, out_shape=(3, rows, columns), masked=True)
+    return int(2 ** max(8, int(values.filled(0).max()).bit_length()) - 1)
 
 
 @contextmanager
 def opened(file: Path) -> Iterator[Any]:
-    """The dataset in a file; whatever GDAL cannot do with it is an `ImageError`."""
+    """The dataset in a file; whatever GDAL cannot do with it is an `ImageError`.
+
+    Raises:
+        MissingExtraError: the extra `geo` is not installed.
+    """
+    require("geo", "rasterio")
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 

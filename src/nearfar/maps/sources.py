@@ -9,7 +9,7 @@ import math
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import overload
@@ -120,7 +120,8 @@ def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
         max_pixels: that are held in memory; a larger TIFF is read tile by tile.
 
     Raises:
-        ImageError: it cannot be read, or has more pixels than allowed.
+        ImageError: it cannot be read, has more pixels than allowed, or is a GeoTIFF that is
+            stored turned.
         MissingExtraError: it is a GeoTIFF or a TIFF with more pixels, and the extra `geo` is not
             installed.
         StorageError: it is in object storage that does not answer.
@@ -132,8 +133,10 @@ def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
         except ImageError as error:
             raise ImageError(str(error).replace(str(copy), str(file))) from None
     header = tiff_header(file)
-    if header is not None and header.by_tiles(max_pixels):
-        return open_raster(file)
+    if header is not None:
+        header.check_upright(file)
+        if header.by_tiles(max_pixels):
+            return open_raster(file)
     return Photograph(read_image(file, max_pixels=max_pixels))
 
 
@@ -159,7 +162,7 @@ class _Copy:
         folder = tempfile.mkdtemp()
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         self.path = Path(folder) / file.name
-        self.path.write_bytes(file.read_bytes())
+        file.download(self.path)
 
 
 @functools.lru_cache(maxsize=2)
@@ -189,8 +192,7 @@ def image_files(sources: Iterable[Path] | Iterable[Location]) -> list[Path] | li
         if source.is_file():
             inside: list[Location] = [source]
         elif source.is_dir():
-            below = source.rglob("*") if isinstance(source, Path) else source.below()
-            inside = [each for each in below if each.suffix.lower() in suffixes]
+            inside = [each for each in _below(source) if each.suffix.lower() in suffixes]
             inside.sort(key=str)
             if not inside:
                 raise MapError(f"the folder {source} holds no images")
@@ -200,6 +202,13 @@ def image_files(sources: Iterable[Path] | Iterable[Location]) -> list[Path] | li
             dict.fromkeys(each.resolve() if isinstance(each, Path) else each for each in inside)
         )
     return list(found)
+
+
+def _below(folder: Location) -> Iterator[Location]:
+    """All files in a folder and in folders below."""
+    if isinstance(folder, Path):
+        return (each for each in folder.rglob("*") if not each.is_dir())
+    return folder.below()
 
 
 def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:

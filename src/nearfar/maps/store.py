@@ -20,7 +20,7 @@ from lancedb.index import IvfRq
 from numpy.typing import NDArray
 
 from nearfar.errors import MapError
-from nearfar.maps.database import connect, storage_safe
+from nearfar.maps.database import connect, database_errors, open_table, own_errors
 from nearfar.maps.entries import Block, Indexed, Likeness, MapImage
 from nearfar.maps.landmarks import DIMENSIONS
 from nearfar.maps.lock import FILE as LOCK
@@ -28,7 +28,7 @@ from nearfar.maps.lock import writer_lock
 from nearfar.maps.manifest import FILE as MANIFEST
 from nearfar.maps.manifest import Manifest, read_manifest
 from nearfar.maps.sources import Tile
-from nearfar.storage import Location, Url, storage_errors
+from nearfar.storage import Location, Url
 
 INDEX_FROM = 200_000
 """Landmarks without an index from which on one is built; comparing with fewer takes less time."""
@@ -81,17 +81,21 @@ class MapStore:
         folder: of the map.
 
     Raises:
-        MapError: there is no map, or it is one of another format.
+        MapError: there is no map, or it is one of another format; like every method, also where
+            the tables cannot be read or written, e.g. on a full disk.
         StorageError: it is in object storage that does not answer; so does every method.
     """
 
     def __init__(self, folder: Location) -> None:
         self.folder = folder
         self.manifest = read_manifest(folder)
-        with storage_errors(folder):
+        with database_errors(folder):
             database = connect(folder)
             # In this order: what an image needs is there before the image.
-            self._images, self._tiles, self._landmarks = map(database.open_table, _SCHEMAS)
+            tables = [open_table(database, name, folder) for name in _SCHEMAS]
+        if any(table is None for table in tables):
+            raise MapError(f"the map {folder} lacks tables: build it anew")
+        self._images, self._tiles, self._landmarks = tables
 
     @staticmethod
     def create(folder: Location, manifest: Manifest) -> "MapStore":
@@ -116,13 +120,13 @@ class MapStore:
             MapError: another process is writing.
         """
         with writer_lock(self.folder):
-            with storage_errors(self.folder):
+            with database_errors(self.folder):
                 for table in (self._images, self._tiles, self._landmarks):
                     table.checkout_latest()
                 self._remove_orphans()
             yield
 
-    @storage_safe
+    @own_errors
     def images(self) -> list[MapImage]:
         """All images, also those that could not be read, sorted by name."""
         rows = self._images.search().to_list()
@@ -130,13 +134,13 @@ class MapStore:
         found = [MapImage(**{name: row[name] for name in names}) for row in rows]
         return sorted(found, key=lambda each: each.name)
 
-    @storage_safe
+    @own_errors
     def tiles(self, image: int) -> list[Tile]:
         """The tiles of an image."""
         rows = self._tiles.search().where(f"image = {image}").select(list(_WINDOW)).to_list()
         return [Tile(*(row[name] for name in _WINDOW)) for row in rows]
 
-    @storage_safe
+    @own_errors
     def keypoints(self, image: int, tile: Tile) -> bytes | None:
         """The packed keypoints of a tile; None where there is no such tile."""
         same = [f"{name} = {getattr(tile, name)}" for name in _WINDOW]
@@ -147,24 +151,27 @@ class MapStore:
     def blocks(self) -> Iterator[Block]:
         """All landmarks, some at a time, those without an image included."""
         query = self._landmarks.search().select(["image", "x", "y", "side", "vector"])
-        with storage_errors(self.folder):
+        with database_errors(self.folder):
             for batch in query.to_batches(READ_AT_ONCE):
                 yield _block(batch)
 
     @property
-    @storage_safe
+    @own_errors
     def indexed(self) -> bool:
         """Whether landmarks have an index."""
         return bool(self._landmarks.list_indices())
 
-    @storage_safe
+    @own_errors
     def like(self, vectors: NDArray[np.float16]) -> Likeness:
         """The landmarks most like (N, D) vectors by the index, `COMPARED` of each or fewer."""
         queries = vectors.astype(np.float32)
         probes = max(PROBES, self.landmark_count() // LANDMARKS_PER_PROBE)
         asked = self._landmarks.search(queries).distance_type("cosine").nprobes(probes)
         found = asked.limit(COMPARED).with_row_id(True).select(["_distance"]).to_arrow()
-        query = found["query_index"].to_numpy().astype(np.intp)
+        if len(queries) > 1:
+            query = found["query_index"].to_numpy().astype(np.intp)
+        else:  # LanceDB numbers several alone.
+            query = np.zeros(len(found), np.intp)
         # Read together: LanceDB's own exact comparison reads one by one, at ten times the time.
         rows, which = np.unique(found["_rowid"].to_numpy(), return_inverse=True)
         taken = self._landmarks.take_row_ids(rows.tolist()).with_row_id()
@@ -174,12 +181,12 @@ class MapStore:
         similarity = np.einsum("nd,nd->n", queries[query], own)
         return Likeness(query, block.image[which], block.place[which], similarity)
 
-    @storage_safe
+    @own_errors
     def landmark_count(self) -> int:
         """How many landmarks there are, those without an image included."""
         return int(self._landmarks.count_rows())
 
-    @storage_safe
+    @own_errors
     def add(self, entries: Sequence[Indexed]) -> None:
         """Add images, or replace those of the same names, all together.
 
@@ -194,7 +201,7 @@ class MapStore:
         self._put_images([entry.image for entry in entries])
         self._remove_parts(replaced)
 
-    @storage_safe
+    @own_errors
     def renew(self, images: Sequence[MapImage]) -> None:
         """Take over size and time of files whose content is the same.
 
@@ -203,7 +210,7 @@ class MapStore:
         if images:
             self._put_images(images)
 
-    @storage_safe
+    @own_errors
     def remove(self, images: Collection[int]) -> None:
         """Remove images; must be called within `writing`."""
         if not images:
@@ -211,7 +218,7 @@ class MapStore:
         self._images.delete(f"id IN ({', '.join(map(str, images))})")
         self._remove_parts(images)
 
-    @storage_safe
+    @own_errors
     def index(self, index_from: int | None = None) -> None:
         """Index the landmarks where many have no index; must be called within `writing`.
 
@@ -227,7 +234,7 @@ class MapStore:
         elif self.landmark_count() >= least:
             self._landmarks.create_index("vector", config=IvfRq(distance_type="cosine"))
 
-    @storage_safe
+    @own_errors
     def compact(self, index_from: int | None = None) -> bool:
         """Merge the files of the tables, remove what is not needed, index many landmarks.
 
@@ -244,14 +251,16 @@ class MapStore:
             table.optimize(cleanup_older_than=KEPT, delete_unverified=True)
         return self.indexed
 
-    @storage_safe
+    @own_errors
     def orphans(self) -> set[int]:
         """Ids that tiles or landmarks have but no image."""
-        ids: set[int] = set()
-        for table in (self._tiles, self._landmarks):
-            for batch in table.search().select(["image"]).to_batches():
-                ids.update(np.unique(batch["image"].to_numpy()).tolist())
+        ids = _owners(self._tiles) | _owners(self._landmarks)
         return ids - {each.id for each in self.images()}
+
+    @own_errors
+    def tiled(self) -> set[int]:
+        """Ids that tiles have."""
+        return _owners(self._tiles)
 
     def _ids(self, names: Collection[str]) -> set[int]:
         """The ids of those of some images that there are."""
@@ -282,12 +291,22 @@ def _create_on_disk(folder: Path, manifest: Manifest) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
     incomplete = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        _make_tables(incomplete)
+        with database_errors(folder):
+            _make_tables(incomplete)
         manifest.write(incomplete)
         incomplete.chmod(0o755)
-        incomplete.replace(folder)
+        _appear(incomplete, folder)
     finally:
         shutil.rmtree(incomplete, ignore_errors=True)
+
+
+def _appear(incomplete: Path, folder: Path) -> None:
+    try:
+        incomplete.replace(folder)
+    except OSError:
+        if (folder / MANIFEST).exists():
+            raise MapError(f"{folder} is a map by now: run the command again") from None
+        raise
 
 
 def _create_in_storage(folder: Url, manifest: Manifest) -> None:
@@ -301,7 +320,7 @@ def _create_in_storage(folder: Url, manifest: Manifest) -> None:
             raise MapError(f"{folder} exists and is no map: choose another place")
         for name in files.keys() - {LOCK}:
             files[name].unlink()
-        with storage_errors(folder):
+        with database_errors(folder):
             _make_tables(folder)
         manifest.write(folder)
 
@@ -310,6 +329,14 @@ def _make_tables(folder: Location) -> None:
     database = connect(folder)
     for name, schema in _SCHEMAS.items():
         database.create_table(name, schema=schema)
+
+
+def _owners(table: Any) -> set[int]:
+    """The ids of images that the rows of a table are of."""
+    ids: set[int] = set()
+    for batch in table.search().select(["image"]).to_batches():
+        ids.update(np.unique(batch["image"].to_numpy()).tolist())
+    return ids
 
 
 def _block(rows: pa.RecordBatch | pa.Table) -> Block:

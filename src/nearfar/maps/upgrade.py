@@ -5,10 +5,10 @@ import importlib.metadata
 from typing import Any
 
 from nearfar.errors import MapError
-from nearfar.maps.database import connect
+from nearfar.maps.database import connect, database_errors
 from nearfar.maps.lock import writer_lock
 from nearfar.maps.manifest import FORMAT, OLDEST, read_any_manifest
-from nearfar.storage import Location, storage_errors
+from nearfar.storage import Location
 
 
 def upgrade(folder: Location) -> tuple[int, int]:
@@ -21,7 +21,7 @@ def upgrade(folder: Location) -> tuple[int, int]:
         MapError: there is no map, it cannot be upgraded, or another process is writing.
         StorageError: it is in object storage that does not answer.
     """
-    with writer_lock(_checked(folder)), storage_errors(folder):
+    with writer_lock(_checked(folder)), database_errors(folder):
         made = read_any_manifest(folder)
         if made.format < 2:
             _add_file_states(connect(folder))

@@ -8,11 +8,15 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image as PillowImage
+from PIL.TiffImagePlugin import TiffImageFile
 
 from nearfar import open_map
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.cli import main
+from nearfar.errors import ImageError
 from nearfar.geometry.homography import translation
+from nearfar.maps.raster import tiff_header
+from nearfar.maps.sources import open_image
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.places import GeoPlace
 from tests.maps.test_raster import write_tiff
@@ -92,8 +96,25 @@ def test_no_place_where_the_horizon_is_seen_or_nothing_is_known(
     assert geo_place(georeferenced, map_from_query @ horizon, SIZE) is None
     plain = write_tiff(tmp_path / "plain.tif", np.moveaxis(ground, -1, 0), crs=None)
     assert geo_place(plain, map_from_query, SIZE) is None
+    no_place = {"transform": rasterio.Affine.identity()}
+    nowhere = write_tiff(tmp_path / "nowhere.tif", np.moveaxis(ground, -1, 0), where=no_place)
+    assert geo_place(nowhere, map_from_query, SIZE) is None
     PillowImage.fromarray(ground).save(tmp_path / "plain.png")
     assert geo_place(tmp_path / "plain.png", map_from_query, SIZE) is None
+
+
+def test_a_geotiff_that_is_stored_turned_is_refused(georeferenced: Path, tmp_path: Path) -> None:
+    turned = tmp_path / "turned.tif"
+    with TiffImageFile(georeferenced) as image:
+        tags, pixels = image.tag_v2, np.asarray(image)
+    tags[274] = 6
+    PillowImage.fromarray(pixels).save(turned, tiffinfo=tags)
+    header = tiff_header(turned)
+    assert header is not None
+    assert (header.georeferenced, header.orientation) == (True, 6)
+    for use in (lambda: open_image(turned, 10**8), lambda: geo_place(turned, np.eye(3), SIZE)):
+        with pytest.raises(ImageError, match="save it upright"):
+            use()
 
 
 def test_from_a_geotiff_to_geojson(

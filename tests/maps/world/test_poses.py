@@ -55,6 +55,10 @@ def test_kitti_rows_by_number_or_by_order(tmp_path: Path) -> None:
     assert posed(read, ["1.png", "2.png", "3.png", "4.png", "5.png"])["5.png"] == 4
     with pytest.raises(MapError, match="5 poses for 2 images"):
         posed(read, names[:2])
+    for order in (["8", "9", "10", "11", "12"], ["1.10", "1.5", "1.7", "b", "c10"]):
+        assert list(posed(read, [f"{name}.png" for name in order]).values()) == [0, 1, 2, 3, 4]
+    with pytest.raises(MapError, match="f10 comes before f7: .*leading zeros"):
+        posed(read, ["f10.png", "f7.png", "f8.png", "f9.png", "g.png"])
 
 
 def test_tum_rows_by_time(tmp_path: Path) -> None:

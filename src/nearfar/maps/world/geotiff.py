@@ -21,24 +21,25 @@ def geo_place(file: Path, map_from_query: Matrix3, size: tuple[int, int]) -> Geo
         size: width and height of the query.
 
     Returns:
-        The place; None where the file is no GeoTIFF with a coordinate reference system, or the
-        horizon crosses the query.
+        The place; None where the file is no GeoTIFF with a coordinate reference system and a
+        place in it, or the horizon crosses the query.
 
     Raises:
-        ImageError: the file cannot be read.
+        ImageError: the file cannot be read, or is stored turned.
         MissingExtraError: the extra `geo` is not installed.
     """
     header = tiff_header(file)
     outline = footprint(map_from_query, *size)
     if header is None or not header.georeferenced or outline is None:
         return None
+    header.check_upright(file)
     middle = np.array([[(size[0] - 1) / 2, (size[1] - 1) / 2]])
     seen = np.vstack([outline, transform(map_from_query, middle)])
     with opened(file) as dataset:
-        crs = dataset.crs
-        if crs is None:
+        crs, affine = dataset.crs, dataset.transform
+        if crs is None or affine.is_identity:  # What rasterio says of a file without a place.
             return None
-        world = np.asarray(transform(_world_from_pixel(dataset.transform), seen), np.float64)
+        world = np.asarray(transform(_world_from_pixel(affine), seen), np.float64)
         return GeoPlace(crs.to_string(), _outline(world), _longitude_latitude(world, crs))
 
 

@@ -1,5 +1,7 @@
 """Lists of poses of map images, as KITTI and TUM write them."""
 
+import itertools
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,8 +56,8 @@ class Poses:
             images: the map image of each file; None where there is none.
 
         Raises:
-            MapError: no image has a pose, the files are not named by times, or there are more or
-                fewer files than poses.
+            MapError: no image has a pose, the files are not named by times, there are more or
+                fewer files than poses, or their order is not that of the numbers in their names.
         """
         found = {}
         for row, image in zip(self._rows([file.stem for file in files]), images, strict=True):
@@ -83,6 +85,7 @@ class Poses:
                 f"{self.file} has {len(self.centres)} poses for {len(names)} images, whose names "
                 f"are not the numbers of its lines: give all images"
             )
+        _check_order(names, self.file)
         return list(range(len(names)))
 
 
@@ -137,6 +140,22 @@ _FORMATS: dict[PoseFormat, tuple[int, Callable[[Path, NDArray[np.float64]], Pose
     "kitti": (12, _kitti),
     "tum": (8, _tum),
 }
+
+
+def _check_order(names: Sequence[str], file: Path) -> None:
+    """Refuse an order of letters that is none of numbers: 10 before 2."""
+    for first, second in itertools.pairwise(names):
+        if first < second and _natural(first) > _natural(second):
+            raise MapError(
+                f"the poses {file} are those of the images in their order, but {first} comes "
+                f"before {second}: give the numbers in their names leading zeros"
+            )
+
+
+def _natural(name: str) -> list[tuple[str, float]]:
+    """A key by which 2 comes before 10."""
+    parts = re.findall(r"(\D*)((?:\d+(?:\.\d+)?)?)", name)
+    return [(text, float(number or -1)) for text, number in parts]
 
 
 def _by_time(names: Sequence[str], times: NDArray[np.float64], file: Path) -> list[int | None]:

@@ -1,6 +1,6 @@
 """Map images whose camera and pose are known, and their table in the folder of a map."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.intrinsics import CameraIntrinsics
-from nearfar.maps.database import connect, storage_safe
-from nearfar.storage import Location, storage_errors
+from nearfar.maps.database import connect, database_errors, open_table, own_errors
+from nearfar.storage import Location
 
 TABLE = "views"
 _SCHEMA = pa.schema(
@@ -75,10 +75,10 @@ class ViewStore:
 
     def __init__(self, folder: Location) -> None:
         self.folder = folder
-        with storage_errors(folder):
+        with database_errors(folder):
             self._database = connect(folder)
 
-    @storage_safe
+    @own_errors
     def get(self, images: Sequence[int]) -> dict[int, View]:
         """The views of those of some images that have one, by the image's id."""
         table = self._table()
@@ -87,7 +87,7 @@ class ViewStore:
         rows = table.search().where(f"image IN ({', '.join(map(str, images))})").to_list()
         return {row["image"]: _view(row) for row in rows}
 
-    @storage_safe
+    @own_errors
     def ids(self) -> set[int]:
         """The images that have a view, by id."""
         table = self._table()
@@ -95,7 +95,7 @@ class ViewStore:
             return set()
         return {row["image"] for row in table.search().select(["image"]).to_list()}
 
-    @storage_safe
+    @own_errors
     def put(self, views: Mapping[int, View]) -> None:
         """Add views by the image's id, or replace those of the same images, all together.
 
@@ -109,13 +109,16 @@ class ViewStore:
         upsert = table.merge_insert("image").when_matched_update_all()
         upsert.when_not_matched_insert_all().execute(rows)
 
+    @own_errors
+    def remove(self, images: Collection[int]) -> None:
+        """Remove the views of some images; must be called within `MapStore.writing`."""
+        table = self._table()
+        if table is not None and images:
+            table.delete(f"image IN ({', '.join(map(str, images))})")
+
     def _table(self) -> Any:
         """The table; None before the first view is there."""
-        try:
-            with storage_errors(self.folder):
-                return self._database.open_table(TABLE)
-        except (FileNotFoundError, ValueError):  # Which one depends on LanceDB's version.
-            return None
+        return open_table(self._database, TABLE, self.folder)
 
 
 def _row(image: int, view: View) -> dict[str, Any]:
