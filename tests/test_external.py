@@ -1,7 +1,6 @@
 """Matchers of the user: what they may return, and every way in which they can be wrong."""
 
 import json
-import re
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -19,8 +18,6 @@ from nearfar.localizer import Localizer
 from nearfar.settings import Settings
 from tests.conftest import KnownPair
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "external-matchers.md"
-
 Install = Callable[[Callable[..., Any]], str]
 
 
@@ -35,19 +32,6 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Install:
         return "python:users_matchers.match"
 
     return put
-
-
-def test_the_example_of_the_documentation_runs(
-    known_pair: KnownPair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
-    (example,) = [block for block in blocks if block.startswith('"""my_matchers.py')]
-    (tmp_path / "my_matchers.py").write_text(example, encoding="utf-8")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    found = localize(known_pair.far, known_pair.near, method="python:my_matchers.brisk")
-    assert found.status == "localized"
-    assert found.method == "python:my_matchers.brisk"
-    assert known_pair.error(np.asarray(found.far_from_near)) < 5
 
 
 def test_exact_matches_give_the_exact_homography(install: Install, known_pair: KnownPair) -> None:

@@ -1,6 +1,8 @@
 """Reading of every format, depth and orientation, and coordinates."""
 
 import os
+import threading
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from tifffile import imwrite
 
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import outline, transform
-from nearfar.image import Image, read_image, reduced_size
+from nearfar.image import Image, quiet_pillow, read_image, reduced_size
 
 GRADIENT = np.stack(np.broadcast_arrays(*np.ogrid[0:240:8, 0:200:5], 77), -1).astype(np.uint8)
 """(30, 40, 3), different in every pixel."""
@@ -191,3 +193,35 @@ def test_reduction_keeps_positions() -> None:
     np.testing.assert_allclose(
         transform(image.original_from_working, centroid), [[620, 400]], atol=0.05
     )
+
+
+def test_what_is_transparent_is_mid_grey_at_any_depth() -> None:
+    sensor = np.full((30, 40, 4), 4095, np.uint16)
+    sensor[..., 3] = 65535
+    sensor[:5, :, 3] = 0
+    pixels = read_image(sensor).pixels
+    assert (pixels[:5] == 128).all()
+    assert (pixels[5:] == 255).all()
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(ImageError, match="cannot be read"):
+        read_image("a" * 5000)
+
+
+def test_threads_leave_pillow_and_the_warnings_as_they_were() -> None:
+    before = PillowImage.MAX_IMAGE_PIXELS, list(warnings.filters)
+    entered, leave = threading.Event(), threading.Event()
+
+    def enter() -> None:
+        with quiet_pillow():
+            entered.set()
+            leave.wait()
+
+    other = threading.Thread(target=enter)
+    with quiet_pillow():
+        other.start()
+        entered.wait(0.2)
+    leave.set()
+    other.join()
+    assert (PillowImage.MAX_IMAGE_PIXELS, list(warnings.filters)) == before

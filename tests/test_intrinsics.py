@@ -75,6 +75,8 @@ def test_malformed_files_are_refused(tmp_path: Path, text: str) -> None:
         read_intrinsics(file)
     with pytest.raises(IntrinsicsError, match="missing"):
         read_intrinsics(tmp_path / "missing.json")
+    with pytest.raises(IntrinsicsError):
+        read_intrinsics("a\0")
 
 
 def test_one_camera_by_its_role(tmp_path: Path) -> None:

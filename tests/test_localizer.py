@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import nearfar
-from nearfar import Localization, Localizer
+from nearfar import Localization, Localizer, SettingsError, read_image
+from nearfar.arrays import Matrix3
 from nearfar.geometry.homography import footprint
+from nearfar.localizer import _boxes_in_original_pixels
 from tests.conftest import KnownPair
 
 
@@ -133,3 +135,18 @@ def test_large_grey_sixteen_bit_image(known_pair: KnownPair) -> None:
     found = nearfar.localize(known_pair.far, grey, method="sift")
     assert isinstance(found.far_from_near, np.ndarray)
     assert known_pair.error(found.far_from_near) < 1
+
+
+@pytest.mark.parametrize("guess", [np.diag([1.0, 0, 1]), np.eye(2), np.full((3, 3), np.nan)])
+def test_a_guess_that_is_no_homography_is_refused(known_pair: KnownPair, guess: Matrix3) -> None:
+    with pytest.raises(SettingsError, match="expected"):
+        Localizer(max_effort="points").localize(known_pair.far, known_pair.near, expected=[guess])
+
+
+def test_landmarks_lie_inside_the_original_images() -> None:
+    """Here 1.5 pixels of the original are one of the working image."""
+    pixels = np.random.default_rng(0).integers(0, 256, (15, 24, 3), np.uint8)
+    boxes = np.array([(x, y, 16 - x, 10 - y) for x in range(16) for y in range(10)], np.int32)
+    image = read_image(pixels, max_size=16)
+    found = _boxes_in_original_pixels(boxes, image)
+    assert (found[:, :2] + found[:, 2:] == [24, 15]).all()

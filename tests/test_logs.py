@@ -50,3 +50,14 @@ def test_metrics() -> None:
     assert (found.done, found.failed, found.skipped, found.workers) == (2, 1, 2, 2)
     assert 5.0 <= found.cpu_seconds < 20.0
     assert set(found.to_dict()) >= {"wall_seconds", "retried"}
+
+
+class FullDisk:
+    def write(self, _: str) -> None:
+        raise OSError(28, "No space left on device")
+
+
+def test_a_full_disk_does_not_end_what_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
+    logs.start("json")
+    monkeypatch.setattr("sys.stderr", FullDisk())
+    logs.event("run started")

@@ -4,10 +4,12 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from nearfar.arrays import RGBPixels
+from nearfar.errors import ImageError
 from nearfar.points import Points, detect_sift, match_points, match_points_in_boxes
 
 
@@ -37,6 +39,12 @@ def test_an_image_without_points() -> None:
         assert points.xy.shape == (0, 2)
         assert points.vectors.shape == (0, 128)
         assert len(match_points(points, points)) == 0
+
+
+def test_an_image_too_large_for_opencv_is_refused() -> None:
+    wide = np.zeros((8, 32_767, 3), np.uint8)
+    with pytest.raises(ImageError, match=r"32767x8 .*--max-size"):
+        detect_sift(wide)
 
 
 def random_points(rng: np.random.Generator, count: int) -> Points:

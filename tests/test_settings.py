@@ -32,6 +32,7 @@ from nearfar.settings import Settings
         {"descriptor": None},
         {"weights": {"resnt50": "file"}},
         {"weights": "resnet50=file"},
+        {"weights": {"resnet50": None}},
         {"unknown": 1},
         {"method": "shift"},
         {"proposer": "x"},

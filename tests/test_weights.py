@@ -160,6 +160,11 @@ class TestFinding:
         settings = Settings(weights={"squeezenet": Path("~/mine.pth")})
         assert weights_file("squeezenet", settings) == tmp_path / "mine.pth"
 
+    @pytest.mark.parametrize("name", ["~no-such-user/mine.pth", "a" * 5000])
+    def test_a_name_that_no_file_can_have_is_refused(self, name: str) -> None:
+        with pytest.raises(WeightsError, match="for squeezenet"):
+            weights_file("squeezenet", Settings(weights={"squeezenet": Path(name)}))
+
 
 class RecordingBar:
     """Adds up what is reported."""

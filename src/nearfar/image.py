@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -117,12 +118,15 @@ def _regular_file(source: Any) -> Path:
         path = Path(source)
     except TypeError:
         raise ImageError(f"an image is a path or an array, not {type(source).__name__}") from None
-    if path.is_dir():
-        raise ImageError(f"{path} is a folder, not an image")
-    if not path.exists():
-        raise ImageError(f"{path} does not exist")
-    if not path.is_file():
-        raise ImageError(f"{path} is not a regular file")
+    try:
+        if path.is_dir():
+            raise ImageError(f"{path} is a folder, not an image")
+        if not path.exists():
+            raise ImageError(f"{path} does not exist")
+        if not path.is_file():
+            raise ImageError(f"{path} is not a regular file")
+    except OSError as error:
+        raise ImageError(f"{path} cannot be read: {error.strerror}") from error
     return path
 
 
@@ -204,42 +208,50 @@ def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
     return array
 
 
+_PILLOW = threading.RLock()
+
+
 @contextmanager
 def quiet_pillow() -> Iterator[None]:
-    """Lift Pillow's own pixel limit, which is global and below ours, and silence its warnings."""
-    limit = PillowImage.MAX_IMAGE_PIXELS
-    PillowImage.MAX_IMAGE_PIXELS = None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+    """Lift Pillow's own pixel limit, which is below ours, and silence its warnings.
+
+    Both are of the whole process, so that only one thread at a time is let in.
+    """
+    with _PILLOW, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        limit = PillowImage.MAX_IMAGE_PIXELS
+        PillowImage.MAX_IMAGE_PIXELS = None
+        try:
             yield
-    finally:
-        PillowImage.MAX_IMAGE_PIXELS = limit
+        finally:
+            PillowImage.MAX_IMAGE_PIXELS = limit
 
 
 def _to_rgb8(array: NDArray[Any], max_size: int) -> RGBPixels:
     """Reduce first, to keep the memory of large images low, then convert."""
     height, width = array.shape[:2]
-    largest = int((array[..., :3] if array.ndim == 3 else array).max())
+    white = 255
+    if array.dtype == np.uint16:
+        largest = int((array[..., :3] if array.ndim == 3 else array).max())
+        white = 2 ** max(8, largest.bit_length()) - 1
     size = reduced_size(width, height, max_size)
     if array.ndim == 3 and array.shape[2] == 4:
-        array = _flattened(array)
+        array = _flattened(array, white)
     if size != (width, height):
         array = cv2.resize(np.ascontiguousarray(array), size, interpolation=cv2.INTER_AREA)
     if array.dtype == np.uint16:
-        bits = max(8, largest.bit_length())
-        array = np.rint(array * (255.0 / (2**bits - 1))).astype(np.uint8)
+        array = np.rint(array * (255.0 / white)).astype(np.uint8)
     if array.ndim == 2:
         array = np.repeat(array[..., np.newaxis], 3, axis=2)
     return np.ascontiguousarray(array)
 
 
-def _flattened(array: NDArray[Any]) -> NDArray[Any]:
-    """RGB of RGBA over mid-grey, in strips of rows to save memory."""
-    full = np.iinfo(array.dtype).max
-    grey = TRANSPARENT_GREY * (full / 255)
+def _flattened(array: NDArray[Any], white: int) -> NDArray[Any]:
+    """RGB of RGBA over mid-grey between 0 and white, in strips of rows to save memory."""
+    opaque = np.iinfo(array.dtype).max
+    grey = TRANSPARENT_GREY * (white / 255)
     flat = np.empty((*array.shape[:2], 3), array.dtype)
     for rows, out in zip(np.array_split(array, 64), np.array_split(flat, 64), strict=True):
-        alpha = rows[..., 3:] / full
+        alpha = rows[..., 3:] / opaque
         out[:] = np.rint(rows[..., :3] * alpha + grey * (1 - alpha))
     return flat

@@ -123,7 +123,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[Path, Any]:
         if path.exists() and not path.is_file():
             raise IntrinsicsError(f"intrinsics file {path} is not a regular file")
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # The latter where it is no text, or the path no path.
         raise IntrinsicsError(f"intrinsics file {path} cannot be read: {error}") from error
     if text.startswith("P") and ":" in text:
         return path, _from_kitti(text, path)

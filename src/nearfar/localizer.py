@@ -19,6 +19,7 @@ from nearfar.intrinsics import CameraIntrinsics, Intrinsics, IntrinsicsSource, r
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import Answer, Method
+from nearfar.proposals import scaled_boxes
 from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer, Watcher
@@ -91,7 +92,7 @@ class Localizer:
         Raises:
             ImageError: an image cannot be read.
             IntrinsicsError: the intrinsics are not valid, or a pose is asked for without any.
-            SettingsError: the model is unknown.
+            SettingsError: the model is unknown, or `expected` holds what is no homography.
         """
         known = None if intrinsics is None else read_intrinsics(intrinsics)
         kind = _model_kind(model, known)
@@ -260,7 +261,7 @@ def _task(
 ) -> Task:
     far_working_from_original = np.linalg.inv(far.original_from_working)
     guesses = tuple(
-        far_working_from_original @ each @ near.original_from_working for each in expected
+        far_working_from_original @ _guess(each) @ near.original_from_working for each in expected
     )
     if kind != "pose" or intrinsics is None:
         return Task(kind, expected=guesses)
@@ -270,6 +271,13 @@ def _task(
         _in_working_pixels(intrinsics.near, near),
         guesses,
     )
+
+
+def _guess(matrix: Matrix3) -> Matrix3:
+    guess = np.asarray(matrix, np.float64)
+    if guess.shape != (3, 3) or not np.isfinite(guess).all() or not np.linalg.det(guess):
+        raise SettingsError("expected must hold invertible 3x3 matrices")
+    return guess
 
 
 def _in_working_pixels(camera: CameraIntrinsics, image: Image) -> Matrix3:
@@ -299,6 +307,4 @@ def _in_original_boxes(matches: LandmarkMatches, far: Image, near: Image) -> Lan
 
 def _boxes_in_original_pixels(boxes: Boxes, image: Image) -> Boxes:
     height, width = image.pixels.shape[:2]
-    factor = np.array([image.width / width, image.height / height] * 2)
-    scaled: Boxes = np.rint(boxes * factor).astype(np.int32)
-    return scaled
+    return scaled_boxes(boxes, (width, height), (image.width, image.height))

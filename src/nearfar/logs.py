@@ -42,9 +42,14 @@ def start(form: LogFormat) -> None:
 
 
 class _ErrorOutput(logging.Handler):
+    """The error output of the moment, which a progress bar may have replaced."""
+
     def emit(self, record: logging.LogRecord) -> None:
-        sys.stderr.write(self.format(record) + "\n")
-        sys.stderr.flush()
+        try:
+            sys.stderr.write(self.format(record) + "\n")
+            sys.stderr.flush()
+        except Exception:  # What is logged must not end because the log is closed or the disk full.
+            self.handleError(record)
 
 
 class _JsonLines(logging.Formatter):

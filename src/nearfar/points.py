@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, IndexPairs, RGBPixels, Vectors
+from nearfar.errors import ImageError
 from nearfar.matching import mutual_nearest, second_similarity
 
 PAPER_CONTRAST = 0.04
@@ -68,11 +69,21 @@ def keypoints_of(
 
     Returns:
         (N, 4) x, y and diameter in pixels, orientation in degrees; (N, D) descriptors.
+
+    Raises:
+        ImageError: the image is too large for OpenCV: SIFT takes sides of up to 32,766 pixels.
     """
     keypoints, vectors = (), None
     if min(pixels.shape[:2]) >= SMALLEST_SIDE:
         grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
-        keypoints, vectors = detector.detectAndCompute(grey, None)
+        try:
+            keypoints, vectors = detector.detectAndCompute(grey, None)
+        except cv2.error as error:
+            height, width = grey.shape
+            raise ImageError(
+                f"OpenCV cannot find points in an image of {width}x{height} pixels: reduce it "
+                f"(--max-size)"
+            ) from error
     if not keypoints:
         binary = detector.descriptorType() == cv2.CV_8U
         size = detector.descriptorSize() * (8 if binary else 1)

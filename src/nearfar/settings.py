@@ -1,6 +1,7 @@
 """The one table of settings."""
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -113,7 +114,11 @@ class Settings:
                 continue
             if not fits:
                 raise SettingsError(f"{item.name} has a value of the wrong type: {value!r}")
-        if not isinstance(self.weights, Mapping) or not set(self.weights) <= set(NETWORKS):
+        if (
+            not isinstance(self.weights, Mapping)
+            or not set(self.weights) <= set(NETWORKS)
+            or not all(isinstance(file, str | os.PathLike) for file in self.weights.values())
+        ):
             raise SettingsError(
                 f"weights map a network ({', '.join(NETWORKS)}) to a file, not {self.weights!r}"
             )

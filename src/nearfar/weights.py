@@ -82,8 +82,15 @@ def weights_file(network: str, settings: Settings) -> Path:
         WeightsError: there is none; the message says how to get it.
     """
     if network in settings.weights:
-        path = Path(settings.weights[network]).expanduser()
-        if not path.is_file():
+        path = Path(settings.weights[network])
+        try:
+            path = path.expanduser()
+            found = path.is_file()
+        except (OSError, RuntimeError) as error:  # The latter for the home of an unknown user.
+            raise WeightsError(
+                f"the weights file {path} for {network} cannot be read: {error}"
+            ) from error
+        if not found:
             raise WeightsError(f"the weights file {path} for {network} does not exist")
         return path
     fetching = ""

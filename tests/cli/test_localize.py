@@ -1,6 +1,7 @@
 """`nearfar localize` as a person calls it: output, exit status, one line for each error."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -188,6 +189,24 @@ def test_output_that_cannot_be_written(known_files: Files, tmp_path: Path) -> No
     result = nearfar("localize", *known_files, "--method", "sift", "--save", blocked / "out")
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_printed(unbuffered: str, known_files: Files) -> None:
+    files = map(str, known_files)
+    command = [sys.executable, "-m", "nearfar", "localize", *files, "--method", "sift"]
+    with open("/dev/full", "wb") as full:  # noqa: PTH123
+        result = subprocess.run(
+            command,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+            text=True,
+            check=False,
+        )
+    assert result.returncode == 2
+    assert result.stderr == "nearfar: output: No space left on device\n"
 
 
 def test_help_and_version_and_list() -> None:

@@ -114,3 +114,12 @@ def test_a_file_that_is_no_landmark_network_is_refused(content: bytes, tmp_path:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="does not exist"):
         DESCRIPTORS.create("nearfar", Settings(weights={"nearfar": tmp_path / "none.onnx"}))
+
+
+def test_a_damaged_model_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    content = resources.files("nearfar.networks").joinpath(FILE).read_bytes()
+    file = tmp_path / "damaged.onnx"
+    file.write_bytes(content.replace(b"LpNormalization", b"LqNormalization"))
+    with pytest.raises(WeightsError, match="no network that can be run"):
+        DESCRIPTORS.create("nearfar", Settings(weights={"nearfar": file}))
+    assert capfd.readouterr().out == ""

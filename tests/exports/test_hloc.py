@@ -11,7 +11,7 @@ from PIL import Image as PillowImage
 import nearfar
 from nearfar import ExportError, Localization
 from nearfar.adapters.hloc import match_pairs
-from nearfar.exports.hloc_files import names_to_pair
+from nearfar.exports.hloc_files import NamedLocalization, names_to_pair
 from tests.conftest import KnownPair
 
 h5py = pytest.importorskip("h5py")
@@ -98,6 +98,22 @@ def test_nearfar_in_the_place_of_match_dense(known_pair: KnownPair, tmp_path: Pa
         error = np.linalg.norm(truth[:2].T / truth[2:].T - far, axis=1)
         assert (scores == 1).sum() >= 20
         assert np.median(error[scores == 1]) < 2
+
+
+def test_the_pixels_of_a_list_are_not_kept(
+    known_files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[NamedLocalization] = []
+    monkeypatch.setattr(
+        "nearfar.adapters.hloc.write_hloc", lambda found, *_files: kept.extend(found)
+    )
+    far, near = known_files
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text(f"{near.name} {far.name}\n")
+    match_pairs(pairs, far.parent, tmp_path / "f.h5", tmp_path / "m.h5", method="sift")
+    (found,) = (each.localization for each in kept)
+    assert (found.far.width, found.far.pixels.shape[1]) == (640, 640)
+    assert not any(found.far.pixels.strides + found.near.pixels.strides)
 
 
 def test_a_list_that_is_no_list_of_pairs(tmp_path: Path) -> None:

@@ -256,3 +256,57 @@ def test_the_pose_of_a_driving_car(name: str, extra_data: Path) -> None:
 def test_bad_settings_are_refused(options: dict[str, Any], word: str) -> None:
     with pytest.raises(SettingsError, match=word):
         Localizer(**options)
+
+
+class Clock:
+    """Stands still until a stage begins, and is far ahead from then on."""
+
+    def __init__(self, stage: str) -> None:
+        self._stage = stage
+        self._now = 0.0
+        self.stages: list[str] = []
+
+    def perf_counter(self) -> float:
+        return self._now
+
+    def entered(self, stage: str) -> None:
+        self.stages.append(stage)
+        if stage == self._stage:
+            self._now = 1e6
+
+    def tried(self, *_: object) -> None:
+        """Attempts do not matter."""
+
+
+@pytest.mark.parametrize("model", ["homography", "fundamental"])
+def test_nothing_is_computed_after_strong_evidence(model: Any, photograph: Photograph) -> None:
+    pair = set_small(photograph("coffee"), photograph("chelsea"), 12, (200, 150))
+    found = Localizer().localize(pair.far, pair.near, model=model, expected=[pair.far_from_near])
+    assert (found.status, found.step) == ("localized", "expected")
+    assert not set(found.seconds) & {"votes", "landmark search"}
+
+
+@pytest.mark.parametrize("model", ["homography", "fundamental"])
+def test_nothing_is_computed_after_the_budget(
+    model: Any, photograph: Photograph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    far, near = reduced(photograph("coffee"), 3), reduced(photograph("chelsea"), 3)
+    clock = Clock("zoom")
+    monkeypatch.setattr("nearfar.methods.adaptive.time", clock)
+    Localizer(budget=10).localize(far, near, model=model, expected=[np.eye(3)], watcher=clock)
+    assert "zoom" in clock.stages
+    assert not set(clock.stages) & {"votes", "landmark search"}
+
+
+def test_the_memory_of_pyramids_is_bounded(
+    photograph: Photograph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    most = 1_000_000
+    monkeypatch.setattr("nearfar.methods.adaptive.PYRAMID_BYTES", most)
+    localizer = Localizer(descriptor="hog", max_effort="landmarks")
+    near = reduced(photograph("rocket"), 6)
+    for turns in range(4):
+        far = np.ascontiguousarray(np.rot90(reduced(photograph("coffee"), 3), turns))
+        localizer.localize(far, near)
+    kept = localizer._method._pyramids  # type: ignore[attr-defined]
+    assert 0 < sum(each.nbytes for each in kept.values()) <= most

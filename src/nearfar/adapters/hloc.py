@@ -1,13 +1,17 @@
 """nearfar in the place of hloc's `match_dense`. Needs the extra `export`; hloc is not needed."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from nearfar.errors import ExportError
 from nearfar.estimators import ModelKind
 from nearfar.exports.hloc_files import NamedLocalization, write_hloc
 from nearfar.exports.subject import Subject
 from nearfar.extras import require
+from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 
 
@@ -45,13 +49,22 @@ def match_pairs(
     for near, far in _read_pairs(pairs):
         localization = localizer.localize(image_dir / far, image_dir / near, model=model)
         names = Subject(localization, far=far, near=near).names
-        found.append(NamedLocalization(names, localization))
+        found.append(NamedLocalization(names, _without_pixels(localization)))
     write_hloc(found, features, matches)
     return features, matches
 
 
+def _without_pixels(found: Localization) -> Localization:
+    """The same with images that take no memory, for lists of thousands of pairs."""
+    far, near = (
+        replace(image, pixels=np.broadcast_to(np.uint8(0), image.pixels.shape))
+        for image in (found.far, found.near)
+    )
+    return replace(found, far=far, near=near)
+
+
 def _read_pairs(file: Path) -> list[tuple[str, str]]:
-    pairs: list[tuple[str, str]] = []
+    pairs: dict[tuple[str, str], None] = {}
     for line in file.read_text(encoding="utf-8").splitlines():
         words = line.split()
         if not words:
@@ -59,6 +72,6 @@ def _read_pairs(file: Path) -> list[tuple[str, str]]:
         if len(words) != 2:
             raise ExportError(f"{file} needs two names of images a line, not {line!r}")
         first, second = words
-        if not {(first, second), (second, first)} & set(pairs):
-            pairs.append((first, second))
-    return pairs
+        if (second, first) not in pairs:
+            pairs[first, second] = None
+    return list(pairs)

@@ -71,6 +71,11 @@ class Pyramid:
     mean: NDArray[np.float32]
     basis: NDArray[np.float32]
 
+    @property
+    def nbytes(self) -> int:
+        """Memory that the levels take, in bytes."""
+        return sum(level.vectors.nbytes for level in self.levels)
+
 
 @dataclass(frozen=True, eq=False)
 class Template:

@@ -1,11 +1,12 @@
 """The adaptive localizer: points first, and only where they fail what costs more."""
 
 import time
-import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from cachetools import LRUCache
+from numpy.typing import NDArray
 
 from nearfar.adaptive.attempt import Attempt, attempt
 from nearfar.adaptive.confidence import confidence
@@ -49,6 +50,8 @@ LOCAL_THRESHOLD, LOCAL_EVIDENCE = 3.0, -2.0
 """In a scene with depth matches are taken over where a homography explains them so well."""
 MOST_ORDERED = 400
 """Best matches that an epipolar model is fitted to."""
+PYRAMID_BYTES = 300_000_000
+"""Memory for the pyramids of the far images used last: one may take six times that of its image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +88,10 @@ class _Pair:
     def late(self) -> bool:
         return time.perf_counter() > self.deadline
 
+    def enough(self, best: Attempt) -> bool:
+        """Whether strong evidence speaks for an attempt, or the budget is spent."""
+        return best.evidence <= STRONG[self.task.model] or self.late
+
 
 @METHODS.register("adaptive")
 class Adaptive:
@@ -109,8 +116,8 @@ class Adaptive:
         self._ordered = ESTIMATORS.create(
             "prosac", settings.replace(inlier_threshold=TUNED_THRESHOLD)
         )
-        self._pyramids: weakref.WeakKeyDictionary[AdaptiveFeatures, Pyramid] = (
-            weakref.WeakKeyDictionary()
+        self._pyramids: LRUCache[AdaptiveFeatures, Pyramid] = LRUCache(
+            PYRAMID_BYTES, lambda each: each.nbytes
         )
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> AdaptiveFeatures:
@@ -146,9 +153,11 @@ class Adaptive:
         """The first hypothesis that strong evidence speaks for, or the best of all."""
         for batch in self._hypotheses(pair, best):
             for hypothesis in batch:
-                if best.evidence <= STRONG[pair.task.model] or pair.late:
-                    return best
+                if pair.enough(best):
+                    break
                 best = min(best, self._try(pair, hypothesis), key=lambda each: each.evidence)
+            if pair.enough(best):  # Else the next batch is computed.
+                break
         return best
 
     def _try(self, pair: _Pair, hypothesis: Hypothesis) -> Attempt:
@@ -177,14 +186,14 @@ class Adaptive:
 
     def _by_neighbours(self, pair: _Pair, best: Attempt) -> Attempt:
         """All matches of all hypotheses together, ordered by the support of their neighbours."""
-        if best.evidence <= STRONG[pair.task.model]:
+        if pair.enough(best):
             return best
         far, near = pair.far.keypoints, pair.near.keypoints
         sets = [Matched.of(far, near, pair.nearest, LAX_RATIO)]
         support = [local_support(sets[0].tentative)]
         fitted = 0
         for batch in self._hypotheses(pair, best):
-            if best.evidence <= STRONG[pair.task.model] or pair.late:
+            if pair.late:
                 break
             for hypothesis in batch:
                 matched = self._match(pair, hypothesis, REACH)
@@ -195,22 +204,31 @@ class Adaptive:
                 if local.evidence < LOCAL_EVIDENCE:
                     sets.append(matched)
                     support.append(local_support(matched.tentative))
-            if len(sets) == fitted:
-                continue
-            fitted = len(sets)
-            with pair.timer.stage("estimation"):
+            if len(sets) > fitted:
+                fitted = len(sets)
                 step = batch[0].source if batch else best.step
-                best_first = np.argsort(-np.concatenate(support), kind="stable")[:MOST_ORDERED]
-                ordered = attempt(sets, pair.task, self._ordered, pair.far.size, step, best_first)
-                every = attempt(sets, pair.task, self._estimator, pair.far.size, step)
-                best = min(best, ordered, every, key=lambda each: each.evidence)
-            _tell(pair.timer, min(ordered, every, key=lambda each: each.evidence))
+                pooled = self._pooled(pair, sets, support, step)
+                best = min(best, pooled, key=lambda each: each.evidence)
+            if pair.enough(best):  # Else the next batch is computed.
+                break
         return best
+
+    def _pooled(
+        self, pair: _Pair, sets: list[Matched], support: Sequence[NDArray[np.float64]], step: str
+    ) -> Attempt:
+        """The model of the matches with most support, or of all, whichever has more evidence."""
+        with pair.timer.stage("estimation"):
+            best_first = np.argsort(-np.concatenate(support), kind="stable")[:MOST_ORDERED]
+            ordered = attempt(sets, pair.task, self._ordered, pair.far.size, step, best_first)
+            every = attempt(sets, pair.task, self._estimator, pair.far.size, step)
+        found = min(ordered, every, key=lambda each: each.evidence)
+        _tell(pair.timer, found)
+        return found
 
     def _hypotheses(self, pair: _Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
         """Hypotheses in batches, those that cost least first; each is computed when asked for."""
         far, near, timer = pair.far, pair.near, pair.timer
-        if best.evidence <= STRONG[pair.task.model]:
+        if pair.enough(best):
             return
         if pair.task.expected:
             yield [Hypothesis(each, 0.0, "expected") for each in pair.task.expected]
@@ -271,9 +289,12 @@ class Adaptive:
         return found
 
     def _pyramid(self, features: AdaptiveFeatures) -> Pyramid:
-        if features not in self._pyramids:
-            self._pyramids[features] = pyramid(features.pixels, self._descriptor)
-        return self._pyramids[features]
+        found = self._pyramids.get(features)
+        if found is None:
+            found = pyramid(features.pixels, self._descriptor)
+            if found.nbytes <= PYRAMID_BYTES:
+                self._pyramids[features] = found
+        return found
 
 
 def _tell(timer: StageTimer, tried: Attempt) -> None:

@@ -26,7 +26,11 @@ def landmark_network(settings: Settings) -> bytes:
     """
     if "nearfar" not in settings.weights:
         return resources.files("nearfar.networks").joinpath(FILE).read_bytes()
-    return weights_file("nearfar", settings).read_bytes()
+    file = weights_file("nearfar", settings)
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise WeightsError(f"cannot read the weights file {file}: {error.strerror}") from error
 
 
 def part(model: bytes, output: str, size: int | None) -> bytes:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.descriptors import FeatureMap, crop_resized, unit_rows
+from nearfar.errors import WeightsError
 from nearfar.networks.graph import INPUT
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ def session(model: bytes) -> "onnxruntime.InferenceSession":
 
     A number in the environment variable OMP_NUM_THREADS limits the threads, as it does for other
     libraries; workers that share a machine have it.
+
+    Raises:
+        WeightsError: this is no model that ONNX Runtime can run.
     """
     # Else its official builds write to the user's home and send usage data over the network.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -29,7 +33,12 @@ def session(model: bytes) -> "onnxruntime.InferenceSession":
     options.intra_op_num_threads = int(threads) if threads.isdigit() else 0
     options.use_deterministic_compute = True
     options.log_severity_level = 3
-    return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    try:
+        return onnxruntime.InferenceSession(
+            model, options, providers=["CPUExecutionProvider"], enable_fallback=0
+        )
+    except Exception as error:  # Of a type of its own for each status.
+        raise WeightsError(f"these weights are no network that can be run: {error}") from error
 
 
 class MapNetwork:

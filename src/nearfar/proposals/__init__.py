@@ -39,3 +39,11 @@ def keep_object_like(boxes: Boxes, min_area: float, max_aspect: float) -> Boxes:
     large = width * height >= min_area
     square = (width <= max_aspect * height) & (height <= max_aspect * width)
     return boxes[large & square]
+
+
+def scaled_boxes(boxes: Boxes, size: tuple[int, int], full_size: tuple[int, int]) -> Boxes:
+    """Boxes of an image of `size` (width, height) as boxes of the same image at `full_size`."""
+    factor = np.array(full_size, np.float64) / size
+    start = np.floor(boxes[:, :2] * factor + 0.5)
+    end = np.floor((boxes[:, :2] + boxes[:, 2:]) * factor + 0.5)
+    return np.hstack([start, end - start]).astype(np.int32)

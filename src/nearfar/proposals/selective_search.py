@@ -5,7 +5,7 @@ import numpy as np
 
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.image import reduced_size
-from nearfar.proposals import canonical, keep_object_like
+from nearfar.proposals import canonical, keep_object_like, scaled_boxes
 from nearfar.registry import PROPOSERS
 from nearfar.settings import Settings
 
@@ -34,7 +34,7 @@ class SelectiveSearch:
         searched = pixels
         if size != (width, height):
             searched = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-        boxes = _scaled(self._search(searched), size, (width, height))
+        boxes = scaled_boxes(self._search(searched), size, (width, height))
         return canonical(
             keep_object_like(boxes, settings.proposal_min_area, settings.proposal_max_aspect)
         )
@@ -52,11 +52,3 @@ class SelectiveSearch:
         else:
             search.switchToSelectiveSearchQuality(k, k, settings.proposal_sigma)
         return np.asarray(search.process(), np.int32).reshape(-1, 4)
-
-
-def _scaled(boxes: Boxes, size: tuple[int, int], full_size: tuple[int, int]) -> Boxes:
-    """Boxes of an image of `size` (width, height) as boxes of the same image at `full_size`."""
-    factor = np.array(full_size, np.float64) / size
-    start = np.floor(boxes[:, :2] * factor + 0.5)
-    end = np.floor((boxes[:, :2] + boxes[:, 2:]) * factor + 0.5)
-    return np.hstack([start, end - start]).astype(np.int32)
