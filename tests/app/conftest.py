@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlsplit
@@ -28,6 +28,7 @@ pytest.importorskip("filelock")
 
 MEGABYTES, PIXELS = 4, 4_000_000
 """Limits of the servers in tests."""
+LIMITS = ("--max-upload", str(MEGABYTES), "--max-pixels", str(PIXELS))
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,15 @@ class Server:
     data: Path
     host: str = "127.0.0.1"
     port: int = 0
-    options: list[str] = field(default_factory=list)
+    limits: tuple[str, ...] = LIMITS
     process: "subprocess.Popen[str] | None" = None
     address: str = ""
 
     def start(self) -> "Server":
-        limits = ["--max-upload", str(MEGABYTES), "--max-pixels", str(PIXELS)]
         folders = map(str, self.folders)
         places = ["--host", self.host, "--port", str(self.port), "--data", str(self.data)]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "nearfar", "app", *folders, *places, *limits, *self.options],
+            [sys.executable, "-m", "nearfar", "app", *folders, *places, *self.limits],
             stdout=subprocess.PIPE,
             text=True,
             env=os.environ | {"OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},

@@ -2,6 +2,8 @@
 
 import io
 import json
+import os
+import resource
 import time
 import zipfile
 from pathlib import Path
@@ -62,6 +64,40 @@ def test_a_job_localizes_and_tells_its_steps(
     far_points, near_points = np.array(answer["far"])[inliers], np.array(answer["near"])[inliers]
     errors = np.linalg.norm(transform(known_pair.far_from_near, near_points) - far_points, axis=1)
     assert np.median(errors) < 2
+    names = [result["localization"][role]["path"] for role in ("far", "near")]
+    assert names == ["far.png", "near.png"]
+    assert str(server.data.parent) not in json.dumps(result)
+
+
+def test_odd_names_are_served_and_those_that_are_no_text_left_out(
+    server: Server, images: tuple[Path, Path]
+) -> None:
+    folder = server.folders[0] / "odd"
+    folder.mkdir()
+    content = images[1].read_bytes()
+    (folder / "12:30 C:\\near.png").write_bytes(content)
+    with open(os.fsencode(folder) + b"/caf\xe9.png", "wb") as out:  # noqa: PTH123
+        out.write(content)
+    (image,) = server.get("/api/folders", ref=server.ref(folder))["images"]
+    assert image["name"] == "12:30 C:\\near.png"
+    assert server.get("/api/images/info", ref=image["ref"])["width"] == 512
+
+
+def test_the_processes_are_told_names_in_any_locale(
+    served: Path, images: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (served / "näher.png").write_bytes(images[1].read_bytes())
+    monkeypatch.setenv("PYTHONIOENCODING", "latin-1")
+    server = Server([served], tmp_path / "data").start()
+    try:
+        far, near = server.ref(images[0]), server.ref(served / "näher.png")
+        request = {"kind": "localize", "far": far, "near": near, "max_effort": "points"}
+        job = ended(server, server.post("/api/jobs", request))
+        assert (job["status"], job["found"]) == ("done", True), job
+        reply = server.ask("GET", f"/api/jobs/{job['id']}/export?format=svg")
+        assert reply.status == 200, reply.body
+    finally:
+        server.stop()
 
 
 def test_a_failure_says_why_in_plain_words(server: Server, tmp_path: Path) -> None:
@@ -160,6 +196,57 @@ def test_an_annotation_is_kept_exported_and_read_by_the_benchmark(
     assert images[0].exists()
 
 
+def test_pairs_of_images_of_one_name_tell_them_apart(
+    server: Server, images: tuple[Path, Path], known_pair: KnownPair
+) -> None:
+    refs = []
+    for file in images:
+        folder = server.folders[0] / f"of-{file.stem}"
+        folder.mkdir()
+        (folder / "image.png").write_bytes(file.read_bytes())
+        refs.append(server.ref(folder / "image.png"))
+    note = server.post("/api/annotations", {"far": refs[0], "near": refs[1]})["annotation"]
+    change = {"version": 0, "name": "alike", "model": "homography"}
+    path = f"/api/annotations/{note['id']}"
+    server.ask("PUT", path, change | {"points": points_of(known_pair, 5)})
+    pair = server.ask("GET", f"{path}/export?layout=pair.json").json()
+    assert (pair["far"], pair["near"]) == ("of-far/image.png", "of-near/image.png")
+
+
+def test_a_full_disk_is_said_and_costs_nothing(
+    images: tuple[Path, Path], known_pair: KnownPair, served: Path, tmp_path: Path
+) -> None:
+    server = Server([served], tmp_path / "data").start()
+    try:
+        refs = {"far": server.send(images[0]), "near": server.send(images[1])}
+        note = server.post("/api/annotations", refs)["annotation"]
+        path = f"/api/annotations/{note['id']}"
+        change = {"version": 0, "name": "kept", "model": "homography"}
+        server.ask("PUT", path, change | {"points": points_of(known_pair, 5)})
+        folder = served / "nearly-full"
+        folder.mkdir()
+        add = {"folder": server.ref(folder), "replace": True}
+        server.post(f"{path}/add", add)
+
+        resource.prlimit(server.pid, resource.RLIMIT_FSIZE, (100, 100))
+        assert server.ask("POST", f"{path}/add", add).status == 409
+        for method, where, body in (
+            ("POST", "/api/images?name=a.png", images[0].read_bytes()),
+            ("POST", "/api/jobs", {"kind": "localize"} | refs),
+            ("PUT", path, change | {"version": 1, "points": []}),
+        ):
+            reply = server.ask(method, where, body)
+            assert reply.status == 500
+            assert "could not be read or written: File too large" in reply.json()["detail"]
+        assert server.get("/api/jobs") == []
+        assert len(server.get(path)["annotation"]["points"]) == 5
+        (case,) = find_pairs(folder)
+        assert np.array_equal(np.array(Image.open(case.near)), known_pair.near)
+        assert {file.name for file in folder.glob("kept/*")} == {"far.png", "near.png", "pair.json"}
+    finally:
+        server.stop()
+
+
 def test_images_in_the_benchmark_folder_are_named_where_they_are(
     server: Server, images: tuple[Path, Path], known_pair: KnownPair
 ) -> None:
@@ -216,7 +303,10 @@ def test_a_photograph_is_located_in_a_map(
     request = {"kind": "locate", "folder": found["ref"], "query": query}
     job = ended(server, server.post("/api/jobs", request))
     assert (job["status"], job["found"]) == ("done", True), job
-    (answer,) = server.get(f"/api/jobs/{job['id']}/result")["answers"]
+    result = server.get(f"/api/jobs/{job['id']}/result")
+    assert result["query"]["path"] == "part.png"
+    assert str(server.data.parent) not in json.dumps(result)
+    (answer,) = result["answers"]
     assert answer["far"] == server.ref(photos / "astronaut.png")
     np.testing.assert_allclose(answer["footprint"][0], [99.5, 59.5], atol=2)
 

@@ -99,6 +99,95 @@ def test_ten_points_are_marked_kept_and_exported(
     assert not page.errors()
 
 
+def test_an_answer_that_is_chosen_meanwhile_is_the_one_that_is_shown(
+    page: Page, server: Server, files: tuple[Path, Path]
+) -> None:
+    page.open("#/localize")
+    page.find("#localize")
+    refs = [server.ref(file) for file in files]
+    label, overlaid = page.driver.execute_async_script(
+        """
+        const [far, near, done] = arguments, asked = window.fetch;
+        const homography = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+        const later = () => new Promise((resolve) => setTimeout(resolve, 400));
+        const pair = (far, near) => (
+          { far, near, homography, steps: [], landmarks: [], scaleChange: 1 });
+        let slow = true;
+        window.fetch = async (...all) => {
+          if (slow) { slow = false; await later(); }
+          return asked(...all);
+        };
+        import("/static/js/pair-viewer.js").then(async ({ PairViewer }) => {
+          const viewer = new PairViewer();
+          document.querySelector("main").replaceChildren(viewer.element);
+          await Promise.all([viewer.show(pair(far, near)), viewer.show(pair(near, far))]);
+          const label = viewer.far.canvas.getAttribute("aria-label");
+          viewer.setMode("blend");
+          for (let i = 0; i < 50 && !viewer.overlay; i++) await later();
+          await viewer.show(pair(far, near));
+          for (let i = 0; i < 10 && !viewer.overlay; i++) await later();
+          done([label, Boolean(viewer.overlay)]);
+        });
+        """,
+        *refs,
+    )
+    assert label == "Far image close-up.png"
+    assert overlaid
+    assert not page.errors()
+
+
+def test_an_export_waits_for_what_is_being_kept(page: Page) -> None:
+    """Saves that were asked for while one is on its way: each returns when all is kept."""
+    page.open("#/localize")
+    page.find("#localize")
+    sent = page.driver.execute_async_script(
+        """
+        const done = arguments[0], sent = [];
+        window.fetch = async (path, { body }) => {
+          await new Promise((resolve) => setTimeout(resolve, 100));
+          sent.push(JSON.parse(body).name);
+          const annotation = { id: "a", version: sent.length, name: "x", points: [] };
+          return { ok: true, status: 200, json: async () => ({ annotation, agreement: {} }) };
+        };
+        import("/static/js/annotation-state.js").then(async ({ AnnotationState }) => {
+          const state = new AnnotationState({ annotation: { id: "a", version: 0, points: [] } });
+          state.rename("first", "homography");
+          state.save();
+          state.rename("second", "homography");
+          state.save();
+          await state.save();
+          const kept = state.kept;
+          done([...sent, kept]);
+        });
+        """
+    )
+    assert sent == ["first", "second", True]
+
+
+def test_a_page_with_changes_that_are_not_kept_asks_before_it_is_closed(
+    page: Page, server: Server, files: tuple[Path, Path]
+) -> None:
+    refs = {"far": server.ref(files[0]), "near": server.ref(files[1])}
+    note = server.post("/api/annotations", refs)["annotation"]
+    page.open(f"#/annotate/{note['id']}")
+    page.wait(lambda: page.all(".editor[data-ready]"))
+    asks = """
+        const event = new Event("beforeunload", { cancelable: true });
+        window.dispatchEvent(event);
+        return event.defaultPrevented;
+        """
+    rename = """
+        const name = document.querySelector(".title-input");
+        name.value = "changed";
+        name.dispatchEvent(new Event("change"));
+        """
+    assert not page.driver.execute_script(asks)
+    assert page.driver.execute_script(rename + asks)
+    page.wait(lambda: page.find(".saved").text == "Saved")
+    page.wait(lambda: not page.driver.execute_script(asks))
+    assert not page.errors()
+
+
 def mark(page: Page, far: NDArray[np.floating], near: NDArray[np.floating]) -> None:
     """Click points one after the other: first in the near image, then in the far one."""
     views = ImageView(page, 0), ImageView(page, 1)

@@ -228,6 +228,11 @@ def test_hostile_requests_are_refused(name: str, server: Server, names: dict[str
     assert not list((server.data / "uploads").glob(".incoming-*"))
 
 
+@pytest.mark.parametrize("host", ["127.0.0.2:80", "localhost", "[::1]:80", "LOCALHOST:1"])
+def test_every_name_of_this_machine_alone_is_its_own(server: Server, host: str) -> None:
+    assert server.ask("GET", "/api/about", headers={"Host": host}).status == 200
+
+
 def test_pages_may_load_nothing_from_elsewhere(server: Server) -> None:
     for path in ("/", "/static/js/main.js", "/static/app.css", "/api/about"):
         headers = server.ask("GET", path).headers

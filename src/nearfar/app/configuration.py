@@ -64,7 +64,7 @@ class Configuration:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address to listen at can be reached from this machine alone."""
+    """Whether a host is this machine and can be reached from it alone."""
     if host == "localhost":
         return True
     try:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from fastapi import HTTPException
 
 from nearfar.app.annotation import LEAST, agreement, arrays
 from nearfar.app.annotations import Annotation
-from nearfar.app.files import write_whole
+from nearfar.app.files import copy_whole, write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
 from nearfar.geometry.scale import scale_change
@@ -129,11 +128,11 @@ def add_to_benchmark(
             raise HTTPException(409, f"{annotation.name} has a {target.name} already")
     pair.mkdir(exist_ok=True)
     for target, file in copies.items():
-        target.unlink(missing_ok=True)  # It may be a link.
-        shutil.copyfile(file, target)
+        copy_whole(file, target)
     out = pair / "pair.json"
     write_whole(out, pair_json(annotation, names["far"], names["near"]).encode())
-    out.chmod(0o644)
+    for written in (*copies, out):
+        written.chmod(0o644)
     return out
 
 

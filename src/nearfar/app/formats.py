@@ -138,8 +138,10 @@ class WriterProcess:
             process = self._started()
             watchdog = threading.Timer(SECONDS, process.kill)
             watchdog.start()
-            line = _answer(process, task)
-            watchdog.cancel()
+            try:
+                line = _answer(process, task)
+            finally:
+                watchdog.cancel()
             if not line:
                 return Reply(error=crash_explanation(process.wait()))
             return Reply.model_validate_json(line)

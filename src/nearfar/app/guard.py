@@ -9,7 +9,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from nearfar.app.configuration import Configuration
+from nearfar.app.configuration import Configuration, is_loopback
 
 COOKIE = "nearfar-token"
 UPLOADS = "/api/images"
@@ -26,7 +26,6 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-_LOOPBACK = {"127.0.0.1", "localhost", "::1"}
 
 
 class Guard:
@@ -71,7 +70,7 @@ class Guard:
         headers = Headers(scope=scope)
         if self._under_way >= self._configuration.limits.requests:
             return _refused(503, "too many requests at a time: try again", {"Retry-After": "1"})
-        if self._configuration.local and _host_name(headers.get("host", "")) not in _LOOPBACK:
+        if self._configuration.local and not is_loopback(_host_name(headers.get("host", ""))):
             return _refused(421, "this server answers to the name of this machine only")
         if not _same_origin(headers, scope["path"]):
             return _refused(403, "requests of other sites are refused")
@@ -147,11 +146,11 @@ def _equal(given: str, token: str) -> bool:
     return secrets.compare_digest(given.encode(), token.encode())
 
 
-def _host_name(host: str) -> str | None:
+def _host_name(host: str) -> str:
     try:
-        return urlsplit(f"//{host}").hostname
+        return urlsplit(f"//{host}").hostname or ""
     except ValueError:
-        return None
+        return ""
 
 
 def _refused(status: int, detail: str, headers: dict[str, str] | None = None) -> Response:

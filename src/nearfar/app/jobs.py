@@ -158,9 +158,13 @@ class JobStore:
         self._jobs[job.id] = job
 
     def save(self, job: Job) -> None:
-        """Remember how a job stands, on disk too."""
-        self._jobs[job.id] = job
+        """Remember how a job stands, on disk too.
+
+        Raises:
+            OSError: the disk takes no more; what was remembered before is kept.
+        """
         write_whole(self._folder / job.id / "job.json", job.model_dump_json().encode())
+        self._jobs[job.id] = job
 
     def result_file(self, job: Job) -> Path:
         """Where its answer is."""

@@ -25,6 +25,7 @@ MOST_SEARCHED = 20_000
 """Entries that are looked at for maps or results in all folders."""
 
 FolderKind = Literal["folder", "map", "run"]
+_SEPARATORS = {"\0", "\\", ":"} if os.name == "nt" else {"\0"}
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,17 @@ class Library:
 
 def _plain(part: str) -> bool:
     """Whether a part of a path names an entry of a folder that is not hidden."""
-    return bool(part) and not part.startswith(".") and not set(part) & {"\\", "\0", ":"}
+    allowed = not part.startswith(".") and not set(part) & _SEPARATORS
+    return bool(part) and allowed and is_text(part)
+
+
+def is_text(name: str) -> bool:
+    """Whether a name of a file can be sent as JSON: on some systems it may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _visible(folder: Path, most: int) -> Iterator[os.DirEntry[str]]:

@@ -70,10 +70,12 @@ class Runner:
         """End a job that waits or runs."""
         if job.id in self._waiting:
             self._waiting.remove(job.id)
-        if job.active:
-            self._store.save(job.with_(status="cancelled", ended=time.time(), stage=None))
         if job.id == self._running and self._process is not None:
             self._process.kill()
+        if job.active:
+            cancelled = job.with_(status="cancelled", ended=time.time(), stage=None)
+            self._store.note(cancelled)
+            self._store.save(cancelled)
 
     async def run(self) -> None:
         """Do jobs for ever."""
@@ -95,7 +97,7 @@ class Runner:
         except HTTPException:  # It was deleted meanwhile.
             return
         except OSError as error:
-            text = self._say(f"the job could not be kept: {error}")
+            text = f"the job could not be kept: {error.strerror or error}"
             with contextlib.suppress(HTTPException):
                 failed = self._store.get(job_id).with_(status="failed", ended=time.time())
                 self._store.note(failed.with_(stage=None, error=text))

@@ -43,6 +43,7 @@ def create_app(configuration: Configuration) -> FastAPI:
     for module in (images, jobs, annotations, runs, exports):
         app.include_router(module.router)
     app.add_exception_handler(NearfarError, _refused)
+    app.add_exception_handler(OSError, _not_stored)
     app.add_exception_handler(RequestValidationError, _malformed)
     app.add_api_route("/", _page, include_in_schema=False)
     app.mount("/static", _Static(directory=STATIC))
@@ -74,13 +75,15 @@ def listen(host: str, port: int) -> socket.socket:
     """A socket that takes connections; port 0 is any that is free.
 
     Raises:
-        SettingsError: the address cannot be used.
+        SettingsError: there is no such port, or the address cannot be used.
     """
+    if not 0 <= port < 2**16:
+        raise SettingsError(f"--port must be from 0 to 65535, not {port}")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family, backlog=256)
-    except (OSError, OverflowError) as error:
-        reason = getattr(error, "strerror", None) or error
+    except OSError as error:
+        reason = error.strerror or error
         raise SettingsError(
             f"cannot listen at {host}, port {port} ({reason}): choose another with --port"
         ) from None
@@ -115,6 +118,12 @@ async def _refused(request: Request, error: Exception) -> Response:
     """Bad input, in one sentence without the paths of this machine."""
     held: Services = request.app.state.services
     return JSONResponse({"detail": held.library.without_places(str(error))}, 422)
+
+
+async def _not_stored(request: Request, error: Exception) -> Response:  # noqa: ARG001
+    """What the disk refused, e.g. because it is full."""
+    reason = getattr(error, "strerror", None) or type(error).__name__
+    return JSONResponse({"detail": f"a file could not be read or written: {reason}"}, 500)
 
 
 async def _malformed(request: Request, error: Exception) -> Response:  # noqa: ARG001

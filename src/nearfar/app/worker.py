@@ -98,7 +98,7 @@ def main() -> None:
     # What libraries print must not reach the server as a report.
     reports = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    tasks: queue.SimpleQueue[str] = queue.SimpleQueue()
+    tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
 
     def tell(message: Message) -> None:
@@ -110,8 +110,8 @@ def main() -> None:
         tell(worker.do(TASK.validate_json(tasks.get())))
 
 
-def _read(tasks: "queue.SimpleQueue[str]") -> None:
-    for line in sys.stdin:
+def _read(tasks: "queue.SimpleQueue[bytes]") -> None:
+    for line in sys.stdin.buffer:
         tasks.put(line)
     os._exit(0)
 

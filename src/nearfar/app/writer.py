@@ -131,7 +131,7 @@ def main() -> None:
     # What libraries print must not reach the server as a reply.
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    for line in sys.stdin:
+    for line in sys.stdin.buffer:
         try:
             reply = Reply(outcomes=tuple(written(ExportTask.model_validate_json(line))))
         except NearfarError as error:

@@ -3,6 +3,7 @@
 import io
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from cyclopts import App, CycloptsError
 
@@ -44,9 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _show_any_name()
     try:
         status = app(tokens, result_action="return_value", exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except (CycloptsError, NearfarError) as error:
         return _complain(str(error))
     except OSError as error:
+        _give_up_output()
         return _complain(f"{error.filename or 'output'}: {error.strerror or error}")
     except KeyboardInterrupt:
         return 130
@@ -57,6 +60,15 @@ def _show_any_name() -> None:
     """Names of files that the terminal's encoding lacks are printed escaped."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _give_up_output() -> None:
+    """What could not be printed is not tried again, and complained of, when the process ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError):
+            sys.stdout.close()
 
 
 def _complain(message: str) -> int:

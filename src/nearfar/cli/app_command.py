@@ -52,13 +52,18 @@ def app_command(
         default_data,
         is_loopback,
     )
+    from nearfar.app.library import is_text
     from nearfar.app.server import listen, serve
 
     for folder in folders:
         if not folder.is_dir():
             raise SettingsError(f"{folder} is not a folder")
-    if token is not None and len(token) < 12:
-        raise SettingsError("--token needs at least 12 characters")
+        if not is_text(str(folder.resolve())):
+            raise SettingsError(
+                f"{folder} has a path that is not UTF-8, which the app cannot serve"
+            )
+    if token is not None and not (len(token) >= 12 and token.isascii() and token.isprintable()):
+        raise SettingsError("--token needs at least 12 characters, all of them printable ASCII")
     if token is None and not is_loopback(host):
         token = secrets.token_urlsafe(24)
     if max_upload < 1 or max_pixels < 1:

@@ -228,7 +228,8 @@ def locate_command(
         intrinsics: Camera that took the queries, to find their poses where those of map images are
             known: JSON file {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
         top: How many answers to seek.
-        verify: How many places to look at, those with most votes of landmarks.
+        verify: How many places to look at, those with most votes of landmarks; as many more with
+            views of the query from aside where no answer is sure.
         max_effort: The last step of the method adaptive to try at each place.
         min_confidence: A place of less calibrated confidence is no answer.
         max_pixels: Refuse larger images, which may be decompression bombs.
@@ -240,6 +241,8 @@ def locate_command(
     settings = with_weights(settings, weights)
     if top < 1 or verify < 1:
         raise SettingsError("--top and --verify must be at least 1")
+    if geojson is not None and not geojson.parent.is_dir():
+        raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=settings)
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()

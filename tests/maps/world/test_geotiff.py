@@ -129,6 +129,9 @@ def test_from_a_geotiff_to_geojson(
     query, town, out = tmp_path / "query.png", tmp_path / "map", tmp_path / "found.geojson"
     PillowImage.fromarray(seen).save(query)
     assert main(["map", "build", str(georeferenced), "--out", str(town)]) == 0
+    nowhere = str(tmp_path / "missing" / "found.geojson")
+    assert main(["map", "locate", str(town), str(query), "--geojson", nowhere]) == 2
+    assert "located" not in capsys.readouterr().out
     assert main(["map", "locate", str(town), str(query), "--geojson", str(out)]) == 0
     assert "longitude 15.0000" in capsys.readouterr().out
 

@@ -19,6 +19,7 @@ from nearfar.app.export import (
     write_pair_zip,
     write_paper_zip,
 )
+from nearfar.app.formats import image_names
 from nearfar.app.jobs import Reference
 from nearfar.app.routes import Held
 from nearfar.app.services import Services
@@ -108,7 +109,8 @@ def export(
     checked_points(annotation)
     images = _images(held, annotation)
     if layout == "pair.json":
-        content = pair_json(annotation, annotation.far_name, annotation.near_name)
+        names = image_names(held.library, annotation.far, annotation.near)
+        content = pair_json(annotation, names.far, names.near)
         return Response(content, media_type="application/json", headers=_attachment("pair.json"))
     with tempfile.NamedTemporaryFile(suffix=".zip", delete=False) as made:
         out = Path(made.name)

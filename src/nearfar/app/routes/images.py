@@ -10,6 +10,7 @@ from fastapi import APIRouter, HTTPException, Query, Request, Response
 from nearfar.app.library import Folder, FolderKind, Listing
 from nearfar.app.renditions import LARGEST_FRAME, LONGEST, THUMBNAIL
 from nearfar.app.routes import Held
+from nearfar.app.uploads import shown_name
 from nearfar.errors import NearfarError
 
 router = APIRouter(prefix="/api")
@@ -51,8 +52,11 @@ async def send_image(
     try:
         width, height = await asyncio.to_thread(held.renditions.size, incoming)
     except NearfarError as error:
-        incoming.unlink(missing_ok=True)
-        raise HTTPException(422, str(error).replace(str(incoming), name)) from None
+        incoming.unlink()
+        raise HTTPException(422, str(error).replace(str(incoming), shown_name(name))) from None
+    except BaseException:
+        incoming.unlink()
+        raise
     upload = held.uploads.keep(name, incoming)
     return ImageInfo(f"upload/{upload.digest}", upload.name, width, height)
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
+from nearfar.app.formats import image_names
 from nearfar.app.jobs import Job, JobRequest, LocalizeRequest
 from nearfar.app.routes import Held
 from nearfar.app.services import Services
@@ -34,9 +35,14 @@ async def get_job(held: Held, job_id: str) -> Job:
 
 @router.get("/{job_id}/result")
 def get_result(held: Held, job_id: str) -> dict[str, Any]:
-    """The answer of a job that is done."""
-    result = held.jobs.result(job_id)
-    for answer in result.get("answers", ()):
+    """The answer of a job that is done, without the places of files on this machine."""
+    result, request = held.jobs.result(job_id), held.jobs.get(job_id).request
+    if isinstance(request, LocalizeRequest):
+        names, found = image_names(held.library, request.far, request.near), result["localization"]
+        found["far"]["path"], found["near"]["path"] = names.far, names.near
+        return result
+    result["query"]["path"] = held.library.name(request.query)
+    for answer in result["answers"]:
         answer["far"] = held.library.reference(Path(answer.pop("file")))
     return result
 

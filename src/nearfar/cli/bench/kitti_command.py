@@ -8,15 +8,13 @@ from rich.console import Console
 
 from nearfar.bench.kitti import PairCounts, count_pairs, find_kitti_cases
 from nearfar.bench.kitti_plots import plot_kitti
-from nearfar.bench.kitti_summary import fit_table, step_table, table_two
+from nearfar.bench.kitti_summary import PAPER_PAIRS, fit_table, step_table, table_two
 from nearfar.bench.risk import risk_table
 from nearfar.bench.tables import time_table
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases
 from nearfar.cli.options import Flag
-from nearfar.errors import SettingsError
+from nearfar.errors import BenchmarkError, SettingsError
 from nearfar.storage import staged
-
-PAPER_PAIRS = 40_748
 
 
 def kitti_command(
@@ -51,6 +49,8 @@ def kitti_command(
         for case in find_kitti_cases(folder)
         if not sequence or case.tags["sequence"] in sequence
     ]
+    if not cases:
+        raise BenchmarkError(f"{folder} has no pairs of the sequences {', '.join(sequence)}")
     rows = run_cases(cases, options, settings, "kitti")
     titles = {
         "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),

@@ -116,7 +116,13 @@ def variants(settings: Settings, options: _RunOptions) -> list[Settings]:
 
 
 def sampled(cases: list[Case], count: int, seed: int) -> list[Case]:
-    """So many of the cases, drawn with a seed, in their order; all for 0."""
+    """So many of the cases, drawn with a seed, in their order; all for 0.
+
+    Raises:
+        SettingsError: there are to be fewer than none.
+    """
+    if count < 0:
+        raise SettingsError(f"--sample must be at least 0, not {count}")
     if count == 0 or count >= len(cases):
         return cases
     chosen = set(random.Random(seed).sample(range(len(cases)), count))  # noqa: S311

@@ -1,5 +1,6 @@
 """`nearfar bench sweep`."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +12,7 @@ from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
 from nearfar.cli.options import DEFAULT_WORK, WeightOptions, WorkOptions, with_weights
-from nearfar.errors import BenchmarkError
+from nearfar.errors import BenchmarkError, SettingsError
 
 _Several = Parameter(negative="", consume_multiple=True, show_default=False)
 
@@ -56,6 +57,10 @@ def sweep_command(
     """
     if pairs is None and kitti is None:
         raise BenchmarkError("give image pairs with --pairs FOLDER, --kitti FOLDER, or both")
+    if first < 0:
+        raise SettingsError(f"--first must be at least 0, not {first}")
+    if not 0 <= disk_gigabytes < math.inf:
+        raise SettingsError(f"--disk-gigabytes must be 0 or more and finite, not {disk_gigabytes}")
     common = with_weights(settings, weights)
     grid = Grid(network, layers, sizes, sums)
     benchmarks = {}

@@ -19,6 +19,8 @@ export class AnnotationState extends EventTarget {
     this.dirty = false;
   }
 
+  /** Whether all that was changed has reached the server. */
+  get kept() { return !this.dirty && !this.sending; }
   get marked() { return this.points.filter((pair) => pair.far && pair.near).length; }
 
   /** Change the points; one step of undo. */
@@ -54,7 +56,7 @@ export class AnnotationState extends EventTarget {
   /** Send what has changed; one request at a time, so that versions follow each other. */
   async save() {
     clearTimeout(this.timer);
-    if (this.sending) await this.sending;
+    while (this.sending) await this.sending;
     if (!this.dirty) return;
     this.dirty = false;
     this.sending = this.#send().finally(() => { this.sending = null; });

@@ -21,7 +21,7 @@ let leaving = new AbortController();
 /** Pages get the element to fill, the parts of the address, and a signal that they are left. */
 function show() {
   const [name, ...parts] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
-  const page = name in PAGES ? name : "localize";
+  const page = Object.hasOwn(PAGES, name) ? name : "localize";
   leaving.abort();
   leaving = new AbortController();
   setShortcuts("", []);

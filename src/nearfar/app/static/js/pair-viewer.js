@@ -73,12 +73,12 @@ export class PairViewer {
     this.near.say("Loading…");
     this.#buildToolbar();
     const sizes = await Promise.all([this.#load(this.far, data.far, this.farName), this.#load(this.near, data.near, this.nearName)]);
-    if (sizes.includes(null)) return;
-    this.linked.setModel(data.homography);
-    this.farFootprint = data.homography && footprint(data.homography, sizes[1]);
-    this.#buildToolbar();
-    this.#redraw();
-    this.element.dataset.ready = "true";
+    if (this.data !== data) return;
+    const both = !sizes.includes(null);
+    this.linked.setModel(both ? data.homography : null);
+    this.farFootprint = both && data.homography ? footprint(data.homography, sizes[1]) : null;
+    this.setMode(this.farFootprint ? this.mode : "side");
+    if (both) this.element.dataset.ready = "true";
   }
 
   get shortcuts() {
@@ -124,36 +124,44 @@ export class PairViewer {
     this.near.fit();
   }
 
+  /** The size of an image that is shown; null where it cannot be, or another pair is shown meanwhile. */
   async #load(view, ref, name) {
+    const { data } = this;
     if (!ref) {
       view.say("This image is not in a folder that nearfar app was started with.");
       return null;
     }
     try {
       const info = await imageInfo(ref);
+      if (this.data !== data) return null;
       name.textContent = `${info.name} · ${info.width} × ${info.height}`;
       name.title = name.textContent;
       view.canvas.setAttribute("aria-label", `${view === this.far ? "Far" : "Near"} image ${info.name}`);
-      view.show(await loadPicture(pictureAddress(ref)), [info.width, info.height]);
+      const picture = await loadPicture(pictureAddress(ref));
+      if (this.data !== data) return null;
+      view.show(picture, [info.width, info.height]);
       return [info.width, info.height];
     } catch (error) {
-      view.say(error.message);
+      if (this.data === data) view.say(error.message);
       return null;
     }
   }
 
   async #loadOverlay() {
-    if (this.overlay || this.loadingOverlay) return;
-    this.loadingOverlay = true;
+    const { data } = this;
+    if (this.overlay || this.loadingOverlayOf === data) return;
+    this.loadingOverlayOf = data;
     this.far.message.textContent = "Laying the near image over the far one…";
+    let overlay = null, problem = "The outline does not meet the far image.";
     try {
-      this.overlay = await warpedOverlay(this.data.near, this.data.homography, this.farFootprint, this.far.size);
-      this.far.message.textContent = this.overlay ? "" : "The outline does not meet the far image.";
+      overlay = await warpedOverlay(data.near, data.homography, this.farFootprint, this.far.size);
     } catch (error) {
-      this.far.message.textContent = error.message;
-    } finally {
-      this.loadingOverlay = false;
+      problem = error.message;
     }
+    if (this.data !== data) return;
+    this.loadingOverlayOf = null;
+    this.overlay = overlay;
+    this.far.message.textContent = overlay ? "" : problem;
     this.element.dataset.overlay = this.overlay ? "ready" : "none";
     this.#redraw();
   }

@@ -17,6 +17,8 @@ export async function annotatePage(main, [id], signal) {
   fill(main, editor.element);
   setShortcuts("Annotation", editor.shortcuts);
   signal.addEventListener("abort", () => editor.leave());
+  // The browser then asks before it closes the page.
+  window.addEventListener("beforeunload", (event) => { if (!editor.state.kept) event.preventDefault(); }, { signal });
   await editor.load();
 }
 

@@ -1,0 +1,42 @@
+"""`nearfar app` as a person starts it wrongly; tests/app has what it does when it is started."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from nearfar.cli import main
+from tests.cli.test_localize import assert_bad_input, nearfar
+
+pytest.importorskip("fastapi")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("missing",), "missing is not a folder"),
+        (("--token", "short"), "at least 12 characters"),
+        (("--token", "пароль-пароль"), "printable ASCII"),
+        (("--token", "twelve\tletters"), "printable ASCII"),
+        (("--port", "70000"), "--port"),
+        (("--max-pixels", "0"), "at least 1"),
+    ],
+)
+def test_usage_errors(
+    arguments: tuple[str, ...],
+    word: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["app", "--data", "data", *arguments]) == 2
+    complaint = capsys.readouterr().err
+    assert word in complaint
+    assert complaint.count("\n") == 1
+
+
+def test_a_folder_whose_name_is_no_text(tmp_path: Path) -> None:
+    folder = os.fsencode(tmp_path) + b"/caf\xe9"
+    os.mkdir(folder)  # noqa: PTH102
+    assert_bad_input(nearfar("app", os.fsdecode(folder)), "not UTF-8")
