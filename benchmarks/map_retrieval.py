@@ -126,8 +126,9 @@ def by_map(folder: Path, judge: Judge) -> Answer:
         locator = MapLocator(StoreWithout(folder, judge.left_out(case)), DEFAULTS)
         start = time.process_time()
         found = locator.locate(case.near, TOP, VERIFY)
+        by_votes = sorted(found.candidates, key=lambda each: -each.votes)
         return {
-            "rank": judge.rank(case, [each.image for each in found.candidates]),
+            "rank": judge.rank(case, [each.image for each in by_votes]),
             "candidates": [each.to_dict() for each in found.candidates],
             "answer": verified(case, found, judge),
             "seconds": found.seconds,

@@ -1,10 +1,14 @@
 """Locating a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
 
 import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from nearfar.arrays import RGBPixels
+from nearfar.adaptive.views import FRONTAL, View, around, simulate
+from nearfar.adaptive.zoom import scaled
+from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.pose import RelativePose
@@ -16,12 +20,12 @@ from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
 from nearfar.maps.entries import MapImage
 from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.keypoints import unpacked_keypoints
-from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
+from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sources import copied, open_image
 from nearfar.maps.store import MapStore
 from nearfar.maps.verification import Place, localized_in, places
-from nearfar.maps.voting import candidates, votes_of
+from nearfar.maps.voting import Candidate, candidates, votes_of
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.posing import VIEWS, Posing
 from nearfar.maps.world.views import ViewStore
@@ -35,6 +39,10 @@ CANDIDATES_PER_PLACE = 3
 """Candidates that are considered for each place that is looked at."""
 SURE = 0.9
 """Confidence of an answer beyond which no further one is sought."""
+ASIDE = around(2, 4)
+"""Views of a query that is not found as it is: the windows of a map are not tilted."""
+VIEW_SIDE = 2 * max(QUERY_SIDES)
+"""Longest side in pixels of what these are made of."""
 CACHED = 10**8
 """Bytes of features that are kept: of the query and of the places that it was sought in last."""
 CHOICE = 3
@@ -70,24 +78,21 @@ class MapLocator:
         timer = StageTimer()
         with timer.stage("reading"):
             query = read_image(source, max_pixels=self._settings.max_pixels)
+        most = verify if camera is None else CHOICE * verify
         answers: list[MapAnswer] = []
         verified: list[Verified] = []
-        waiting = self._places(query, verify if camera is None else CHOICE * verify, timer)
-        seen = {self._images[place.image] for place in waiting}
-        posing = Posing.of(self._views, seen, camera)
-        wanted = top if posing is None else max(top, VIEWS)
-        while waiting and len(verified) < verify:
-            place = waiting.pop(0)
+        seen: set[MapImage] = set()
+        for views in ((FRONTAL,), ASIDE):
+            waiting = self._places(query, views, most, timer)
+            seen.update(self._images[place.image] for place in waiting)
+            posing = Posing.of(self._views, seen, camera)
+            wanted = top if posing is None else max(top, VIEWS)
             with timer.stage("verification"):
-                checked, answer = self._verified(place, query, posing)
-            verified.append(checked)
-            if answer is not None:
-                answers.append(answer)
-            sure = [each.image for each in answers if each.confidence >= SURE]
-            if len(sure) >= wanted:
+                looked_at, found = self._verified(waiting, query, posing, wanted, verify)
+            verified += looked_at
+            answers += found
+            if _sure(answers):
                 break
-            if posing is not None and len(sure) == 1:
-                waiting.sort(key=lambda each: posing.apart(self._images[each.image].name, sure[0]))
         answers.sort(key=lambda each: (-each.confidence, -each.votes))
         pose = None
         if posing is not None:
@@ -103,18 +108,28 @@ class MapLocator:
             pose,
         )
 
-    def _places(self, query: Image, most: int, timer: StageTimer) -> list[Place]:
-        """The parts of map images that most votes are for."""
-        size = query.width, query.height
-        with timer.stage("landmarks"):
-            landmarks = self._describer.of_query(query.pixels)
-        with timer.stage("search"):
-            hits = self._hits(landmarks)
+    def _places(
+        self, query: Image, views: Sequence[View], most: int, timer: StageTimer
+    ) -> list[Place]:
+        """The parts of map images that most votes of the query's views are for."""
+        found: list[Candidate] = []
+        for view in views:
+            with timer.stage("landmarks"):
+                pixels, view_from_query = _seen(query, view)
+                landmarks = self._describer.of_query(pixels)
+            with timer.stage("search"):
+                hits = self._hits(landmarks)
+            with timer.stage("votes"):
+                size = pixels.shape[1], pixels.shape[0]
+                votes = votes_of(hits, landmarks, size)
+                found += [
+                    replace(each, map_from_query=each.map_from_query @ view_from_query)
+                    for each in candidates(votes, size, CANDIDATES_PER_PLACE * most)
+                ]
+        found = sorted(found, key=lambda each: -each.votes)[: CANDIDATES_PER_PLACE * most]
         with timer.stage("votes"):
-            votes = votes_of(hits, landmarks, size)
-            found = candidates(votes, size, CANDIDATES_PER_PLACE * most)
             tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
-            return places(found, tiles, size)[:most]
+            return places(found, tiles, (query.width, query.height))[:most]
 
     def _hits(self, landmarks: Landmarks) -> Hits:
         if self._store.indexed:
@@ -122,6 +137,24 @@ class MapLocator:
         return nearest(self._store.blocks(), landmarks.vectors, HITS, self._images)
 
     def _verified(
+        self, waiting: list[Place], query: Image, posing: Posing | None, wanted: int, most: int
+    ) -> tuple[list[Verified], list[MapAnswer]]:
+        """Look at places, at most so many, until as many sure answers as are wanted are found."""
+        verified: list[Verified] = []
+        answers: list[MapAnswer] = []
+        while waiting and len(verified) < most:
+            checked, answer = self._looked_at(waiting.pop(0), query, posing)
+            verified.append(checked)
+            if answer is not None:
+                answers.append(answer)
+            sure = _sure(answers)
+            if len(sure) >= wanted:
+                break
+            if posing is not None and len(sure) == 1:
+                waiting.sort(key=lambda each: posing.apart(self._images[each.image].name, sure[0]))
+        return verified, answers
+
+    def _looked_at(
         self, place: Place, query: Image, posing: Posing | None
     ) -> tuple[Verified, MapAnswer | None]:
         """The candidates of a place as an answer, or why they are none."""
@@ -175,3 +208,19 @@ class MapLocator:
             world=world,
             localization=found,
         )
+
+
+def _sure(answers: Iterable[MapAnswer]) -> list[str]:
+    """The images of the answers beyond which no further ones are sought."""
+    return [each.image for each in answers if each.confidence >= SURE]
+
+
+def _seen(query: Image, view: View) -> tuple[RGBPixels, Matrix3]:
+    """A view of the query, and the transform from the query's pixels to it."""
+    if view == FRONTAL:
+        return query.pixels, np.eye(3)
+    reduced, reduced_from_query = scaled(
+        query.pixels, min(1.0, VIEW_SIDE / max(query.width, query.height))
+    )
+    pixels, view_from_reduced = simulate(reduced, view)
+    return pixels, view_from_reduced @ reduced_from_query

@@ -60,9 +60,12 @@ class Map:
 
         Raises:
             MapError: the folder holds something else.
+            SettingsError: `max_size` is below 0.
             WeightsError: the weights of the descriptor cannot be read.
             OSError: the folder cannot be made.
         """
+        if max_size < 0:
+            raise SettingsError(f"max_size must be at least 0, not {max_size}")
         MapStore.create(folder, manifest_for(settings, max_size))
         return Map(folder, settings)
 
@@ -99,7 +102,8 @@ class Map:
         Args:
             image: path or array (RGB).
             top: how many answers to seek.
-            verify: how many places to look at, those with most votes.
+            verify: how many places to look at, those with most votes; as many more with views of
+                the image from aside where no answer is sure.
             intrinsics: of the image's camera, "query" of a file or mapping; with them, and map
                 images whose poses are known, the answer has the pose of the image.
 

@@ -65,7 +65,8 @@ class Candidate:
 
     Attributes:
         image: id of the map image.
-        map_from_query: similarity transform, pixels of the original images.
+        map_from_query: affine transform, pixels of the original images: a similarity, after the
+            transform to the view of the query that was voted for.
         votes: sum of the weights of the votes for it.
     """
 
