@@ -23,10 +23,12 @@ def made(
     scale: float = 1.5,
     search: str = "boxes",
     findable: int = 3,
+    far: str | None = None,
 ) -> Row:
     return {
         "case": case,
         "scene": case.split("_")[0],
+        "far": far or f"{case}/far.png",
         "true_scale_change": scale,
         "descriptor": descriptor,
         "search": search,
@@ -74,6 +76,16 @@ def test_tallies_are_of_the_pairs_that_all_descriptors_have() -> None:
     np.testing.assert_array_equal(one.scenes, [0, 0, 1])
     (dense,) = tallies(ROWS, "dense")
     np.testing.assert_array_equal(dense.precision, [0.5])
+
+
+def test_pairs_of_one_far_image_are_one_scene() -> None:
+    rows = [
+        made("photo_1", "one", [1], far="kite/photo/../map.png"),
+        made("a_1", "one", [1]),
+        made("other_2", "one", [1], far="kite/map.png"),
+    ]
+    (one,) = tallies(rows, "boxes")
+    np.testing.assert_array_equal(one.scenes, [1, 0, 1])
     assert tallies(ROWS[:1], "dense") == []
 
 

@@ -7,6 +7,7 @@ the same resamples for all descriptors, which makes their ratios paired.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from os.path import normpath
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,8 +60,9 @@ class Tally:
 
     @property
     def scenes(self) -> NDArray[np.intp]:
-        """(N,) index of the scene of each pair, from 0."""
-        names = np.array([row["scene"] for row in self.rows], np.str_)
+        """(N,) index of the scene of each pair, from 0; pairs of one far image show one scene."""
+        first: dict[str, str] = {}
+        names = [first.setdefault(normpath(row["far"]), row["scene"]) for row in self.rows]
         return np.unique(names, return_inverse=True)[1].astype(np.intp)
 
     def ratio(self, part: Sums, whole: Sums, seed: int, chosen: int | None = None) -> Estimate:
