@@ -46,7 +46,7 @@ def plot_curve(found: Outcomes, title: str, file: Path, seed: int) -> list[Path]
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set(xlim=(EDGES[0], EDGES[-1]), ylim=(-0.03, 1.03))
     axes.set(xlabel="true scale change", ylabel="share localized (error below 3 px)", title=title)
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize="small")
     return save_png_and_svg(figure, file)
 
 
