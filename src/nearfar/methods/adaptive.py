@@ -40,6 +40,8 @@ STRONG = {"homography": -20.0, "fundamental": -30.0, "pose": -30.0}
 """Evidence at which no further step is tried."""
 VOTED, SOUGHT, PLACES = 10, 10, 3
 """Hypotheses by votes and by search, and those of each in whose regions views are simulated."""
+SOUGHT_ENLARGED = 40
+"""Those by search in the enlarged image, where a template is a few cells and much is like it."""
 REACH, SECOND_REACH = 0.12, 0.05
 """Gate of a hypothesis and of the model found with it, as a share of the region's diagonal."""
 PROMISING = 3.0
@@ -246,7 +248,7 @@ class Adaptive:
         yield voted[2:]
         with timer.stage("landmark search"):
             larger = enlarged(self._pyramid(far), far.pixels, self._descriptor)
-            smallest = search(larger, turned, near.size, SOUGHT)
+            smallest = search(larger, turned, near.size, SOUGHT_ENLARGED)
         pair.sought.extend(smallest)
         yield smallest
         if pair.task.model != "homography" or not self._may("views"):
