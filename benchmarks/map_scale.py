@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from nearfar.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.build import LANDMARKS_PER_COMMIT, _indexed, _Task
+from nearfar.maps.creation import create
 from nearfar.maps.entries import Indexed
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.locate import HITS
@@ -104,7 +105,8 @@ def measured(
     folder: Path, real: list[Indexed], queries: list[Landmarks], vectors: int, settings: Settings
 ) -> Cost:
     """Build a map of so many vectors and ask it."""
-    store = MapStore.create(folder, manifest_for(settings, 0))
+    create(folder, manifest_for(settings, 0))
+    store = MapStore(folder)
     images, add_seconds, last = 0, 0.0, 0.0
     with store.writing():
         for entries in commits(copies(real, vectors, vectors)):

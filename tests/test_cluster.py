@@ -12,7 +12,7 @@ import cv2
 import pytest
 
 from nearfar import open_map
-from nearfar.bench import workers
+from nearfar.bench import cluster as dask_cluster
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import RowFile
 from nearfar.bench.run import run
@@ -160,14 +160,14 @@ class FakeClient:
 
 
 def test_workers_with_other_versions_are_refused() -> None:
-    other = {**workers.versions(), "numpy": "1.0"}
+    other = {**dask_cluster.versions(), "numpy": "1.0"}
     with pytest.raises(BenchmarkError, match=r"tcp://worker has numpy 1\.0.*install the same"):
-        workers._check_versions(FakeClient(other))
+        dask_cluster._check_versions(FakeClient(other))
 
 
 def test_a_scheduler_without_workers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(workers, "WORKER_SECONDS", 1)
+    monkeypatch.setattr(dask_cluster, "WORKER_SECONDS", 1)
     begun = time.monotonic()
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as cluster,

@@ -271,6 +271,30 @@ def local_copy(file: Location) -> Iterator[Path]:
         yield copy
 
 
+def is_text(name: str) -> bool:
+    """Whether a name of a file can be kept as UTF-8: on some systems it may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@contextmanager
+def replaced(file: Path) -> Iterator[Path]:
+    """A place to write a file, which takes that of another as a whole at the end.
+
+    Raises:
+        OSError: it cannot be written; what stood there before is kept.
+    """
+    incomplete = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        yield incomplete
+        incomplete.replace(file)
+    finally:
+        incomplete.unlink(missing_ok=True)
+
+
 @contextmanager
 def staged(folder: Location) -> Iterator[Path]:
     """A folder for new files: itself, made where missing, or one whose files are sent at the end.

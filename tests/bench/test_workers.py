@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nearfar.bench import workers
+from nearfar.bench import cluster
 from nearfar.bench.workers import Workers
 from nearfar.errors import BenchmarkError
 
@@ -74,6 +74,6 @@ def test_workers_that_keep_much_go_on() -> None:
 
 def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(workers, "CONNECTION_SECONDS", 1)
+    monkeypatch.setattr(cluster, "CONNECTION_SECONDS", 1)
     with pytest.raises(BenchmarkError, match="127.0.0.1:9"):
         list(Workers(scheduler="tcp://127.0.0.1:9").run(square, range(3), gave_up))

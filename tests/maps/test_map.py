@@ -15,7 +15,7 @@ import nearfar
 from nearfar import MapError, MapLocalization, SettingsError, open_map
 from nearfar.arrays import RGBPixels
 from nearfar.geometry.homography import scaling, transform, translation
-from nearfar.maps import manifest, store
+from nearfar.maps import manifest, store, tables
 from nearfar.maps.map import Map
 from nearfar.maps.store import MapStore
 from tests.conftest import KnownPair
@@ -100,7 +100,7 @@ def test_a_part_of_a_large_image(tmp_path: Path, pictures: Pictures) -> None:
 def test_images_may_be_reduced(tmp_path: Path, pictures: Pictures) -> None:
     write(tmp_path / "coffee.png", pictures("coffee"))
     town = open_map(tmp_path / "map", create=True, max_size=300)
-    town.add([tmp_path / "coffee.png"])
+    town.add(tmp_path / "coffee.png")
     (image,) = town.images
     assert (image.width, image.height) == (600, 400)
     (tile,) = MapStore(town.folder).tiles(image.id)
@@ -153,14 +153,14 @@ def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
 
 
 def test_two_make_a_map_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make = store._make_tables
+    make = tables.make_tables
 
     def make_slowly(folder: Path) -> None:
-        monkeypatch.setattr(store, "_make_tables", make)
+        monkeypatch.setattr("nearfar.maps.creation.make_tables", make)
         open_map(tmp_path / "map", create=True)
         make(folder)
 
-    monkeypatch.setattr(store, "_make_tables", make_slowly)
+    monkeypatch.setattr("nearfar.maps.creation.make_tables", make_slowly)
     with pytest.raises(MapError, match="is a map by now"):
         open_map(tmp_path / "map", create=True)
     assert open_map(tmp_path / "map").problems() == []

@@ -1,4 +1,5 @@
 import dataclasses
+import os
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def test_a_full_disk_keeps_the_checkpoint_before(
 ) -> None:
     def fill(step: int, _row: object) -> None:
         if step == 2:
-            (tmp_path / CHECKPOINT).with_suffix(".part").symlink_to("/dev/full")
+            (tmp_path / f".{CHECKPOINT}.{os.getpid()}").symlink_to("/dev/full")
 
     with pytest.raises(OSError, match="No space left"):
         train(photographs[:3], photographs[3:], FEW, tmp_path, jobs=0, progress=fill)

@@ -18,6 +18,7 @@ from PIL import Image as PillowImage
 from nearfar.app.uploads import Uploads
 from nearfar.image import FORMATS
 from nearfar.maps.manifest import FILE as MAP_FILE
+from nearfar.storage import is_text
 
 MOST_ENTRIES = 2000
 """Entries of a folder that are listed."""
@@ -206,15 +207,6 @@ def _plain(part: str) -> bool:
     """Whether a part of a path names an entry of a folder that is not hidden."""
     allowed = not part.startswith(".") and not set(part) & _SEPARATORS
     return bool(part) and allowed and is_text(part)
-
-
-def is_text(name: str) -> bool:
-    """Whether a name of a file can be sent as JSON: on some systems it may be any bytes."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _visible(folder: Path, most: int) -> Iterator[os.DirEntry[str]]:

@@ -13,6 +13,7 @@ from nearfar.bench.cases import Case
 from nearfar.errors import ImageError
 from nearfar.geometry.scale import scale_change
 from nearfar.image import read_image
+from nearfar.storage import replaced
 
 PAPER_SIZE = (1200, 900)
 """Width and height to which the paper resizes its images (bilinearly, whatever their shape)."""
@@ -49,7 +50,6 @@ def _write(source: Path, points: Coordinates, file: Path) -> tuple[Path, Coordin
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         pixels = cv2.resize(image.pixels, PAPER_SIZE, interpolation=cv2.INTER_LINEAR)
-        incomplete = file.with_suffix(".incomplete")
-        PillowImage.fromarray(pixels).save(incomplete, format="PNG")
-        incomplete.replace(file)
+        with replaced(file) as incomplete:
+            PillowImage.fromarray(pixels).save(incomplete, format="PNG")
     return file, (points + 0.5) * factor - 0.5

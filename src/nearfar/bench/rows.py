@@ -21,12 +21,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from nearfar.bench.workers import versions
+from nearfar.bench.cluster import versions
 from nearfar.errors import BenchmarkError, StorageError
 from nearfar.metrics import RunMetrics
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.settings import Settings
-from nearfar.storage import Location, Url
+from nearfar.storage import Location, Url, replaced
 
 Row = dict[str, Any]
 """One line of a result file: one case and one method."""
@@ -278,6 +278,5 @@ def _record(folder: Location, content: dict[str, Any]) -> None:
     if isinstance(file, Url):
         file.write_text(text)
         return
-    incomplete = file.with_suffix(".incomplete")
-    incomplete.write_text(text, encoding="utf-8")
-    incomplete.replace(file)
+    with replaced(file) as incomplete:
+        incomplete.write_text(text, encoding="utf-8")

@@ -6,7 +6,6 @@ viewpoint, light and blur of its base pair, and its true points, mapped exactly.
 """
 
 import hashlib
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import transform
 from nearfar.geometry.scale import scale_change
 from nearfar.image import read_image
+from nearfar.storage import replaced
 
 Mode = Literal["pairs", "scale", "tilt"]
 MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt")
@@ -139,9 +139,8 @@ def make_images(plans: Iterable[PlannedCase], backgrounds: Backgrounds | None, s
         file.parent.mkdir(parents=True, exist_ok=True)
         text = PngInfo()
         text.add_text(_KEY, key)
-        temporary = file.with_name(f".{file.name}.{os.getpid()}")
-        PillowImage.fromarray(pixels).save(temporary, "PNG", pnginfo=text, compress_level=3)
-        temporary.replace(file)
+        with replaced(file) as incomplete:
+            PillowImage.fromarray(pixels).save(incomplete, "PNG", pnginfo=text, compress_level=3)
 
 
 def _as_it_is(base: Case) -> PlannedCase:

@@ -4,20 +4,20 @@ Tasks are handed out one at a time and their results go straight back to this pr
 worker that dies loses its task alone. Joblib's own `Parallel` gives up all tasks in work then.
 """
 
-import importlib.metadata
 import logging
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import cv2
 
 from nearfar import logs
+from nearfar.bench.cluster import Threads, connected
 from nearfar.errors import BenchmarkError
 from nearfar.extras import require
 from nearfar.metrics import Meter, Work, this_worker
@@ -33,26 +33,8 @@ HANDED_OUT_PER_SLOT = 2
 """Tasks that are with the workers at a time: one in work, one waiting."""
 AHEAD_PER_SLOT = 32
 """Results that may wait for one that comes before them."""
-CONNECTION_SECONDS = 20
-"""How long a scheduler may take to answer."""
-WORKER_SECONDS = 120
-"""How long it may be without workers when tasks are to be handed out, also after a death."""
-DEAD_AFTER = "5s"
-"""How long a worker that does not answer is asked for a result."""
-COUNTED_EVERY = 5.0
-"""Seconds between two looks at how many workers there are; they may come and go."""
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Of a local process."""
-PACKAGES = (
-    "nearfar",
-    "numpy",
-    "opencv-contrib-python-headless",
-    "onnxruntime",
-    "pillow",
-    "poselib",
-    "lancedb",
-)
-"""That must be the same everywhere, since they can change a result."""
 
 
 @dataclass(frozen=True)
@@ -159,8 +141,8 @@ class Workers:
             yield _Pool(pool, lambda: slots)
             return
         require("cluster", "distributed")
-        with _client(self.scheduler) as client:
-            yield _Pool(client.get_executor(pure=False), _Threads(client))
+        with connected(self.scheduler) as client:
+            yield _Pool(client.get_executor(pure=False), Threads(client))
 
 
 @dataclass(frozen=True)
@@ -174,20 +156,6 @@ class _Pool:
 
     executor: Executor
     slots: Callable[[], int]
-
-
-class _Threads:
-    """How many threads a cluster has by now."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-        self._count, self._next = 1, 0.0
-
-    def __call__(self) -> int:
-        if time.monotonic() >= self._next:
-            self._count = max(1, sum(self._client.nthreads().values()))
-            self._next = time.monotonic() + COUNTED_EVERY
-        return self._count
 
 
 @dataclass
@@ -268,49 +236,6 @@ class _Hands:
         if self._order is None or not self._out:
             return False
         return self._next[0] - self._order.first > AHEAD_PER_SLOT * self._pool.slots()
-
-
-@contextmanager
-def _client(address: str) -> Iterator[Any]:
-    import dask
-    from distributed import Client
-
-    try:
-        client = Client(address, timeout=CONNECTION_SECONDS, direct_to_workers=True)
-    except (OSError, ValueError) as error:
-        raise BenchmarkError(f"the scheduler {address} cannot be reached: {error}") from error
-    with client, dask.config.set({"distributed.comm.timeouts.connect": DEAD_AFTER}):
-        try:
-            client.wait_for_workers(1, timeout=WORKER_SECONDS)
-        except TimeoutError:
-            raise BenchmarkError(
-                f"the scheduler {address} has no workers: start some with `dask worker {address} "
-                f"--nthreads 1`"
-            ) from None
-        _check_versions(client)
-        yield client
-
-
-def _check_versions(client: Any) -> None:
-    """Refuse workers that might find something else."""
-    own = versions()
-    for worker, found in client.run(versions).items():
-        for package, version in own.items():
-            if found.get(package) != version:
-                there = found.get(package, "(none)")
-                raise BenchmarkError(
-                    f"the worker {worker} has {package} {there}, here it is {version}: "
-                    f"install the same everywhere"
-                )
-
-
-def versions() -> dict[str, str]:
-    """The versions of those of `PACKAGES` that this process has."""
-    found = {}
-    for name in PACKAGES:
-        with suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
 
 
 def _deaths() -> tuple[type[Exception], ...]:

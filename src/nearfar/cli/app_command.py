@@ -13,6 +13,7 @@ from nearfar.app import PACKAGES
 from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
 from nearfar.extras import require
+from nearfar.storage import is_text
 
 
 def app_command(
@@ -52,7 +53,6 @@ def app_command(
         default_data,
         is_loopback,
     )
-    from nearfar.app.library import is_text
     from nearfar.app.server import listen, serve
 
     for folder in folders:

@@ -19,7 +19,7 @@ from nearfar.maps.store import MapStore
 from nearfar.metrics import Meter, RunMetrics
 from nearfar.progress import Progress
 from nearfar.settings import Settings
-from nearfar.storage import Location
+from nearfar.storage import Location, is_text
 
 LANDMARKS_PER_COMMIT = 50_000
 """Images are committed together until they have so many; what a crash can lose."""
@@ -91,7 +91,7 @@ def add_images(
     meter = Meter()
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
-    nameless = [name for name in named if not _is_unicode(name)]
+    nameless = [name for name in named if not is_text(name)]
     for name in nameless:
         del named[name]
     tasks = []
@@ -125,15 +125,6 @@ def add_images(
         tuple(sorted(failed)),
         meter.metrics(),
     )
-
-
-def _is_unicode(name: str) -> bool:
-    """Whether a file's name is text; names on Linux may be any bytes."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 class _Waiting:

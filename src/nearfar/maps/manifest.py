@@ -10,7 +10,7 @@ from pathlib import Path
 from nearfar.errors import MapError
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.settings import Settings
-from nearfar.storage import Location
+from nearfar.storage import Location, replaced
 
 FILE = "nearfar-map.json"
 FORMAT = 2
@@ -46,9 +46,8 @@ class Manifest:
         """
         text = json.dumps(dataclasses.asdict(self), indent=1) + "\n"
         if isinstance(folder, Path):
-            incomplete = folder / f"{FILE}.incomplete"
-            incomplete.write_text(text, encoding="utf-8")
-            incomplete.replace(folder / FILE)
+            with replaced(folder / FILE) as incomplete:
+                incomplete.write_text(text, encoding="utf-8")
         else:
             (folder / FILE).write_text(text, encoding="utf-8")
 

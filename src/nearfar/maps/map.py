@@ -11,6 +11,7 @@ from nearfar.intrinsics import CameraIntrinsics, CameraSource, read_camera
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.check import Problem, problems
+from nearfar.maps.creation import create
 from nearfar.maps.entries import MapImage
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
@@ -28,7 +29,8 @@ TOP, VERIFY = 1, 5
 """Answers that are sought, and places that are looked at for them."""
 
 
-ImageFiles = Iterable[str | PathLike[str] | Url]
+ImageFile = str | PathLike[str] | Url
+ImageFiles = ImageFile | Iterable[ImageFile]
 """Files and folders, or URLs of them."""
 
 
@@ -66,7 +68,7 @@ class Map:
         """
         if max_size < 0:
             raise SettingsError(f"max_size must be at least 0, not {max_size}")
-        MapStore.create(folder, manifest_for(settings, max_size))
+        create(folder, manifest_for(settings, max_size))
         return Map(folder, settings)
 
     @staticmethod
@@ -155,7 +157,7 @@ class Map:
         if jobs < 1:
             raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
-        files = image_files(map(location, images))
+        files = image_files(_locations(images))
         workers = Workers(jobs, scheduler)
         with self._changing():
             added = add_images(self._store, files, self.settings, workers, progress)
@@ -177,7 +179,7 @@ class Map:
         """
         world = name_of(model.folder, self.folder)
         with self._changing():
-            found = [image for image in self._of_files(image_files(map(location, images))) if image]
+            found = [image for image in self._of_files(image_files(_locations(images))) if image]
             return self._attached(model.views(world, found))
 
     def add_poses(self, poses: Poses, camera: CameraIntrinsics, images: ImageFiles) -> int:
@@ -194,7 +196,7 @@ class Map:
         Raises:
             MapError: the list does not fit the images, or another process is writing.
         """
-        files, world = image_files(map(location, images)), name_of(poses.file, self.folder)
+        files, world = image_files(_locations(images)), name_of(poses.file, self.folder)
         with self._changing():
             return self._attached(poses.views(world, camera, files, self._of_files(files)))
 
@@ -267,3 +269,8 @@ class Map:
             if known in ids:
                 return ids[known]
         raise MapError(f"{name!r} is not in the map {self.folder}: see `nearfar map info`")
+
+
+def _locations(images: ImageFiles) -> list[Location]:
+    several = [images] if isinstance(images, (str, PathLike, Url)) else images
+    return [location(image) for image in several]

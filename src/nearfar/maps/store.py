@@ -5,30 +5,32 @@ before its row in `images`; without that row they do not count, and the next wri
 A process may therefore be killed at any time. A reader sees the map as it was when it was opened.
 """
 
-import shutil
-import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from lancedb.index import IvfRq
 from numpy.typing import NDArray
 
 from nearfar.errors import MapError
 from nearfar.maps.database import connect, database_errors, open_table, own_errors
 from nearfar.maps.entries import Block, Indexed, Likeness, MapImage
-from nearfar.maps.landmarks import DIMENSIONS
-from nearfar.maps.lock import FILE as LOCK
 from nearfar.maps.lock import writer_lock
-from nearfar.maps.manifest import FILE as MANIFEST
-from nearfar.maps.manifest import Manifest, read_manifest
+from nearfar.maps.manifest import read_manifest
 from nearfar.maps.sources import Tile
-from nearfar.storage import Location, Url
+from nearfar.maps.tables import (
+    IMAGES,
+    SCHEMAS,
+    WINDOW,
+    block_of,
+    landmark_rows,
+    owners,
+    table_of,
+    tile_rows,
+)
+from nearfar.storage import Location
 
 INDEX_FROM = 200_000
 """Landmarks without an index from which on one is built; comparing with fewer takes less time."""
@@ -40,38 +42,6 @@ COMPARED = 80
 """Landmarks that the index finds there for each vector; their exact similarity is computed."""
 READ_AT_ONCE = 4096
 """Landmarks that are read together."""
-
-_IMAGES = pa.schema(
-    [
-        pa.field("id", pa.int64(), nullable=False),
-        pa.field("name", pa.string(), nullable=False),
-        pa.field("sha256", pa.string(), nullable=False),
-        pa.field("width", pa.int32(), nullable=False),
-        pa.field("height", pa.int32(), nullable=False),
-        pa.field("status", pa.string(), nullable=False),
-        pa.field("landmarks", pa.int32(), nullable=False),
-        pa.field("size", pa.int64(), nullable=False),
-        pa.field("modified", pa.int64(), nullable=False),
-    ]
-)
-_WINDOW = ("left", "top", "width", "height", "columns", "rows")
-_TILES = pa.schema(
-    [
-        pa.field("image", pa.int64(), nullable=False),
-        *(pa.field(name, pa.int32(), nullable=False) for name in _WINDOW),
-        pa.field("keypoints", pa.large_binary(), nullable=False),
-    ]
-)
-_LANDMARKS = pa.schema(
-    [
-        pa.field("image", pa.int64(), nullable=False),
-        pa.field("x", pa.float32(), nullable=False),
-        pa.field("y", pa.float32(), nullable=False),
-        pa.field("side", pa.float32(), nullable=False),
-        pa.field("vector", pa.list_(pa.float16(), DIMENSIONS), nullable=False),
-    ]
-)
-_SCHEMAS = {"images": _IMAGES, "tiles": _TILES, "landmarks": _LANDMARKS}
 
 
 class MapStore:
@@ -92,25 +62,10 @@ class MapStore:
         with database_errors(folder):
             database = connect(folder)
             # In this order: what an image needs is there before the image.
-            tables = [open_table(database, name, folder) for name in _SCHEMAS]
+            tables = [open_table(database, name, folder) for name in SCHEMAS]
         if any(table is None for table in tables):
             raise MapError(f"the map {folder} lacks tables: build it anew")
         self._images, self._tiles, self._landmarks = tables
-
-    @staticmethod
-    def create(folder: Location, manifest: Manifest) -> "MapStore":
-        """A new map without images.
-
-        Raises:
-            MapError: the folder exists and holds something else, or another process makes a map.
-            OSError: it cannot be made.
-            StorageError: the server does not answer or refuses.
-        """
-        if isinstance(folder, Path):
-            _create_on_disk(folder, manifest)
-        else:
-            _create_in_storage(folder, manifest)
-        return MapStore(folder)
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -130,20 +85,20 @@ class MapStore:
     def images(self) -> list[MapImage]:
         """All images, also those that could not be read, sorted by name."""
         rows = self._images.search().to_list()
-        names = [field.name for field in _IMAGES]
+        names = [field.name for field in IMAGES]
         found = [MapImage(**{name: row[name] for name in names}) for row in rows]
         return sorted(found, key=lambda each: each.name)
 
     @own_errors
     def tiles(self, image: int) -> list[Tile]:
         """The tiles of an image."""
-        rows = self._tiles.search().where(f"image = {image}").select(list(_WINDOW)).to_list()
-        return [Tile(*(row[name] for name in _WINDOW)) for row in rows]
+        rows = self._tiles.search().where(f"image = {image}").select(list(WINDOW)).to_list()
+        return [Tile(*(row[name] for name in WINDOW)) for row in rows]
 
     @own_errors
     def keypoints(self, image: int, tile: Tile) -> bytes | None:
         """The packed keypoints of a tile; None where there is no such tile."""
-        same = [f"{name} = {getattr(tile, name)}" for name in _WINDOW]
+        same = [f"{name} = {getattr(tile, name)}" for name in WINDOW]
         condition = " AND ".join([f"image = {image}", *same])
         rows = self._tiles.search().where(condition).select(["keypoints"]).limit(1).to_list()
         return rows[0]["keypoints"] if rows else None
@@ -153,7 +108,7 @@ class MapStore:
         query = self._landmarks.search().select(["image", "x", "y", "side", "vector"])
         with database_errors(self.folder):
             for batch in query.to_batches(READ_AT_ONCE):
-                yield _block(batch)
+                yield block_of(batch)
 
     @property
     @own_errors
@@ -176,7 +131,7 @@ class MapStore:
         rows, which = np.unique(found["_rowid"].to_numpy(), return_inverse=True)
         taken = self._landmarks.take_row_ids(rows.tolist()).with_row_id()
         table = taken.select(["image", "x", "y", "side", "vector"]).to_arrow()
-        block = _block(table.sort_by("_rowid").combine_chunks())
+        block = block_of(table.sort_by("_rowid").combine_chunks())
         own = block.vectors[which].astype(np.float32)
         similarity = np.einsum("nd,nd->n", queries[query], own)
         return Likeness(query, block.image[which], block.place[which], similarity)
@@ -196,8 +151,8 @@ class MapStore:
             return
         replaced = self._ids({entry.image.name for entry in entries})
         replaced -= {entry.image.id for entry in entries}
-        self._landmarks.add(pa.concat_tables(map(_landmark_rows, entries)))
-        self._tiles.add(_tile_rows(entries))
+        self._landmarks.add(pa.concat_tables(map(landmark_rows, entries)))
+        self._tiles.add(tile_rows(entries))
         self._put_images([entry.image for entry in entries])
         self._remove_parts(replaced)
 
@@ -254,13 +209,13 @@ class MapStore:
     @own_errors
     def orphans(self) -> set[int]:
         """Ids that tiles or landmarks have but no image."""
-        ids = _owners(self._tiles) | _owners(self._landmarks)
+        ids = owners(self._tiles) | owners(self._landmarks)
         return ids - {each.id for each in self.images()}
 
     @own_errors
     def tiled(self) -> set[int]:
         """Ids that tiles have."""
-        return _owners(self._tiles)
+        return owners(self._tiles)
 
     def _ids(self, names: Collection[str]) -> set[int]:
         """The ids of those of some images that there are."""
@@ -270,9 +225,9 @@ class MapStore:
 
     def _put_images(self, images: Sequence[MapImage]) -> None:
         """Add rows, or replace those of the same names."""
-        rows = [[getattr(image, field.name) for image in images] for field in _IMAGES]
+        rows = [[getattr(image, field.name) for image in images] for field in IMAGES]
         upsert = self._images.merge_insert("name").when_matched_update_all()
-        upsert.when_not_matched_insert_all().execute(_table(rows, _IMAGES))
+        upsert.when_not_matched_insert_all().execute(table_of(rows, IMAGES))
 
     def _remove_orphans(self) -> None:
         self._remove_parts(self.orphans())
@@ -282,94 +237,3 @@ class MapStore:
             condition = f"image IN ({', '.join(map(str, images))})"
             self._landmarks.delete(condition)
             self._tiles.delete(condition)
-
-
-def _create_on_disk(folder: Path, manifest: Manifest) -> None:
-    """A map that appears as a whole."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise MapError(f"{folder} exists and is no map: choose another place")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    incomplete = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        with database_errors(folder):
-            _make_tables(incomplete)
-        manifest.write(incomplete)
-        incomplete.chmod(0o755)
-        _appear(incomplete, folder)
-    finally:
-        shutil.rmtree(incomplete, ignore_errors=True)
-
-
-def _appear(incomplete: Path, folder: Path) -> None:
-    try:
-        incomplete.replace(folder)
-    except OSError:
-        if (folder / MANIFEST).exists():
-            raise MapError(f"{folder} is a map by now: run the command again") from None
-        raise
-
-
-def _create_in_storage(folder: Url, manifest: Manifest) -> None:
-    """A map whose manifest comes last; what a process that was killed began is begun anew."""
-    own = {LOCK, *(f"{name}.lance" for name in _SCHEMAS)}
-    with writer_lock(folder):
-        files = {each.key.removeprefix(folder.key).strip("/"): each for each in folder.below()}
-        if MANIFEST in files:
-            raise MapError(f"{folder} is a map by now: run the command again")
-        if not {name.partition("/")[0] for name in files} <= own:
-            raise MapError(f"{folder} exists and is no map: choose another place")
-        for name in files.keys() - {LOCK}:
-            files[name].unlink()
-        with database_errors(folder):
-            _make_tables(folder)
-        manifest.write(folder)
-
-
-def _make_tables(folder: Location) -> None:
-    database = connect(folder)
-    for name, schema in _SCHEMAS.items():
-        database.create_table(name, schema=schema)
-
-
-def _owners(table: Any) -> set[int]:
-    """The ids of images that the rows of a table are of."""
-    ids: set[int] = set()
-    for batch in table.search().select(["image"]).to_batches():
-        ids.update(np.unique(batch["image"].to_numpy()).tolist())
-    return ids
-
-
-def _block(rows: pa.RecordBatch | pa.Table) -> Block:
-    place = np.column_stack([rows[name].to_numpy() for name in ("x", "y", "side")])
-    vectors = pc.list_flatten(rows["vector"]).to_numpy().reshape(-1, DIMENSIONS)
-    return Block(rows["image"].to_numpy(), place, vectors)
-
-
-def _landmark_rows(entry: Indexed) -> pa.Table:
-    own = entry.landmarks
-    vectors = pa.array(own.vectors.ravel())
-    columns: list[Any] = [
-        np.full(len(own), entry.image.id),
-        *own.centre.T.astype(np.float32),
-        own.side.astype(np.float32),
-        pa.FixedSizeListArray.from_arrays(vectors, DIMENSIONS),
-    ]
-    return _table(columns, _LANDMARKS)
-
-
-def _tile_rows(entries: Sequence[Indexed]) -> pa.Table:
-    rows = [
-        (entry.image.id, *(getattr(tile, name) for name in _WINDOW), keypoints)
-        for entry in entries
-        for tile, keypoints in entry.tiles
-    ]
-    columns = zip(*rows, strict=True) if rows else [[]] * len(_TILES)
-    return _table([list(column) for column in columns], _TILES)
-
-
-def _table(columns: Sequence[Any], schema: pa.Schema) -> pa.Table:
-    arrays = [
-        column if isinstance(column, pa.Array) else pa.array(column, field.type)
-        for column, field in zip(columns, schema, strict=True)
-    ]
-    return pa.Table.from_arrays(arrays, schema=schema)

@@ -17,6 +17,7 @@ from torch.utils.data import DataLoader
 
 from nearfar.bench.rows import Row, RowFile
 from nearfar.errors import SettingsError, TrainingError
+from nearfar.storage import replaced
 from nearfar.train.batches import Batch, Batches, BatchShape
 from nearfar.train.losses import contrastive_loss, counterparts, middle, template_loss
 from nearfar.train.network import LandmarkNetwork
@@ -189,12 +190,11 @@ class _Training:
 
     def save(self, file: Path, step: int) -> None:
         """Write a checkpoint so that a crash leaves either the old or the new one."""
-        unfinished = file.with_suffix(".part")
         network, optimizer = self.network.state_dict(), self._optimizer.state_dict()
         content = io.BytesIO()  # Torch itself raises a RuntimeError on a full disk.
         torch.save({"network": network, "optimizer": optimizer, "step": step}, content)
-        unfinished.write_bytes(content.getbuffer())
-        unfinished.replace(file)
+        with replaced(file) as incomplete:
+            incomplete.write_bytes(content.getbuffer())
 
     def resume(self, file: Path) -> int:
         """Read the checkpoint, if there is one; returns the steps that are done."""
