@@ -1,7 +1,7 @@
 """Images as a browser shows them: reduced, or seen through a homography."""
 
 import io
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,10 @@ _Key = tuple[str, int, int]
 
 
 class Renditions:
-    """Pictures of image files; one file is decoded at a time, and the last are remembered.
+    """Pictures of image files; the last are remembered.
+
+    One thread makes one at a time: memory that each of many threads once used would not be given
+    back.
 
     Args:
         limits: the most pixels of an image.
@@ -35,7 +38,7 @@ class Renditions:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._lock = threading.Lock()
+        self._thread = ThreadPoolExecutor(1, "pictures")
         self._images: LRUCache[_Key, Image] = LRUCache(
             _CACHE_BYTES, lambda image: image.pixels.nbytes
         )
@@ -47,7 +50,7 @@ class Renditions:
         Raises:
             ImageError: it cannot be read, or has too many pixels.
         """
-        image = self._image(file)
+        image = self._thread.submit(self._image, file).result()
         return image.width, image.height
 
     def jpeg(self, file: Path, longest: int) -> bytes:
@@ -56,19 +59,7 @@ class Renditions:
         Raises:
             ImageError: it cannot be read, or has too many pixels.
         """
-        key = _key(file), longest
-        with self._lock:
-            known = self._encoded.get(key)
-        if known is not None:
-            return known
-        image = self._image(file)
-        picture = PillowImage.fromarray(image.pixels)
-        picture.thumbnail(reduced_size(*picture.size, longest), PillowImage.Resampling.BOX)
-        encoded = _encoded(picture, "JPEG", quality=92, subsampling=0)
-        with self._lock:
-            if len(encoded) <= _ENCODED_BYTES:
-                self._encoded[key] = encoded
-        return encoded
+        return self._thread.submit(self._jpeg, file, longest).result()
 
     def warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
         """The image in a frame of another, transparent where it is not, as WebP.
@@ -82,12 +73,7 @@ class Renditions:
         Raises:
             ImageError: it cannot be read, or has too many pixels.
         """
-        image = self._image(file)
-        with self._lock:
-            pixels, cover = rendered(image, frame_from_image, width, height)
-        alpha = np.rint(cover * 255).astype(np.uint8)
-        picture = PillowImage.fromarray(np.dstack([pixels, alpha]))
-        return _encoded(picture, "WEBP", quality=90, method=1)
+        return self._thread.submit(self._warped, file, frame_from_image, width, height).result()
 
     def png(self, file: Path) -> bytes:
         """The whole image as displayed, without loss.
@@ -95,21 +81,40 @@ class Renditions:
         Raises:
             ImageError: it cannot be read, or has too many pixels.
         """
-        with self._lock:
-            image = read_image(file, max_pixels=self._limits.pixels)
-            return _encoded(PillowImage.fromarray(image.pixels), "PNG")
+        return self._thread.submit(self._png, file).result()
+
+    def _jpeg(self, file: Path, longest: int) -> bytes:
+        key = _key(file), longest
+        known = self._encoded.get(key)
+        if known is not None:
+            return known
+        picture = PillowImage.fromarray(self._image(file).pixels)
+        picture.thumbnail(reduced_size(*picture.size, longest), PillowImage.Resampling.BOX)
+        encoded = _encoded(picture, "JPEG", quality=92, subsampling=0)
+        if len(encoded) <= _ENCODED_BYTES:
+            self._encoded[key] = encoded
+        return encoded
+
+    def _warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
+        pixels, cover = rendered(self._image(file), frame_from_image, width, height)
+        alpha = np.rint(cover * 255).astype(np.uint8)
+        picture = PillowImage.fromarray(np.dstack([pixels, alpha]))
+        return _encoded(picture, "WEBP", quality=90, method=1)
+
+    def _png(self, file: Path) -> bytes:
+        image = read_image(file, max_pixels=self._limits.pixels)
+        return _encoded(PillowImage.fromarray(image.pixels), "PNG")
 
     def _image(self, file: Path) -> Image:
         """The image reduced to the size at which it is looked at."""
         key = _key(file)
-        with self._lock:
-            known = self._images.get(key)
-            if known is not None:
-                return known
-            image = self._read(file)
-            if image.pixels.nbytes <= _CACHE_BYTES:
-                self._images[key] = image
-            return image
+        known = self._images.get(key)
+        if known is not None:
+            return known
+        image = self._read(file)
+        if image.pixels.nbytes <= _CACHE_BYTES:
+            self._images[key] = image
+        return image
 
     def _read(self, file: Path) -> Image:
         most = self._limits.pixels
