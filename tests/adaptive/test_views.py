@@ -2,15 +2,28 @@
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nearfar.adaptive.views import FEW, FRONTAL, MORE, View, simulate
+from nearfar.adaptive.views import (
+    ALL_AROUND,
+    FRONTAL,
+    View,
+    around,
+    from_views,
+    seen_from_aside,
+    simulate,
+)
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import outline, transform
+from nearfar.points import Points
+from nearfar.registry import ESTIMATORS
+from nearfar.settings import Settings
 
+MAGSAC = ESTIMATORS.create("magsac", Settings(inlier_threshold=3.0))
 SIZE = (160, 120)
 views = st.builds(View, st.floats(1, 5), st.floats(0, 180))
 
@@ -34,7 +47,7 @@ def centroid(pixels: RGBPixels, image_from_pixels: Matrix3) -> Coordinates:
 
 
 @pytest.mark.parametrize("turn", [0.0, 45.0, 130.0])
-@pytest.mark.parametrize("view", [FRONTAL, *FEW, *MORE[1::3]])
+@pytest.mark.parametrize("view", [FRONTAL, *around(2, 4), *around(4, 8)[1::3]])
 def test_points_come_to_lie_where_the_transform_says(view: View, turn: float) -> None:
     place = np.array([71.0, 66.0])
     seen, matrix = simulate(blob(place, 7), view, turn)
@@ -88,3 +101,42 @@ def test_shortening_does_not_alias() -> None:
     seen, _ = simulate(stripes, View(4.0, 0.0))
     assert seen.std() < 3
     assert seen.mean() == pytest.approx(125, abs=3)
+
+
+def test_keypoints_of_views_lie_where_those_of_the_image_do(
+    photograph: Callable[[str], RGBPixels],
+) -> None:
+    image = photograph("coffee")
+    frontal = seen_from_aside(image, [FRONTAL])
+    tilted = seen_from_aside(image, around(2, 2))
+    height, width = image.shape[:2]
+    assert (tilted.xy >= -0.5).all()
+    assert (tilted.xy <= [width - 0.5, height - 0.5]).all()
+    distance = np.linalg.norm(tilted.xy[:, np.newaxis] - frontal.xy, axis=2).min(axis=1)
+    assert np.median(distance) < 6
+
+
+def test_views_of_both_images_bridge_a_strong_tilt(
+    photograph: Callable[[str], RGBPixels],
+) -> None:
+    far = photograph("coffee")
+    height, width = far.shape[:2]
+    squeezed = np.array([[0.2, 0.05, 20], [0.01, 1.0, 5], [0, 0, 1.0]])
+    blurred = cv2.GaussianBlur(far, (0, 0), sigmaX=2.0, sigmaY=0.01)
+    near = np.asarray(cv2.warpPerspective(blurred, squeezed, (width // 4, height)))
+    views = ALL_AROUND[0]
+    seen = [(seen_from_aside(far, views), seen_from_aside(near, views))]
+    (found,) = from_views(seen, MAGSAC)
+    near_corners = transform(squeezed, outline(width, height))
+    error = np.linalg.norm(
+        transform(found.far_from_near, near_corners) - outline(width, height), axis=1
+    )
+    assert error.mean() < 10
+    assert found.source == "views"
+
+
+def test_without_keypoints_there_is_no_hypothesis() -> None:
+    nothing = Points(np.empty((0, 2)), np.empty((0, 128), np.float32))
+    assert from_views([(nothing, nothing)], MAGSAC) == []
+    blank = np.full((60, 80, 3), 90, np.uint8)
+    assert from_views([(seen_from_aside(blank, [FRONTAL]),) * 2], MAGSAC) == []

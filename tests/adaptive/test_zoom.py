@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
-from nearfar.adaptive.views import View
 from nearfar.adaptive.zoom import (
     LONGEST_SIDE,
     MOST_ENLARGED,
@@ -251,23 +250,6 @@ def test_nothing_matches_nothing() -> None:
     found = region(grey(400, 600), grey(300, 300), similarity(0.3, 0, 100, 100))
     assert found is not None
     assert len(found.matches(0.1).far) == 0
-    assert found.from_aside(View(2.0, 45.0), 2) == []
     none = Keypoints(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), np.float32))
     assert matched_again(none, none, np.eye(3), 0.1).far.shape == (0, 2)
     assert Matched.none().far.shape == Matched.none().near.shape == (0, 2)
-
-
-def test_a_view_from_aside_tells_the_transform(photograph: Callable[[str], RGBPixels]) -> None:
-    """The far image shows the near one shortened threefold; the hypothesis knows only where."""
-    near = photograph("astronaut")
-    truth = np.array([[0.5, 0, 20], [0, 0.5 / 3, 30], [0, 0, 1.0]])
-    blurred = cv2.GaussianBlur(near, (0, 0), 0.8, sigmaY=2.4)
-    far = np.asarray(cv2.warpAffine(blurred, truth[:2], (300, 160)))
-    frontal = similarity(0.29, 0, 74, 0)
-    found = region(far, near, frontal)
-    assert found is not None
-    best = max(found.from_aside(View(3.0, 90.0), 2), key=lambda each: each.support)
-    corners = outline(512, 512)
-    away = transform(best.far_from_near, corners) - transform(truth, corners)
-    assert np.linalg.norm(away, axis=1).max() < 8
-    assert best.source == "region views"

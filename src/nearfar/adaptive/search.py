@@ -5,7 +5,7 @@ image's landmarks but searched for, at every place, scale and rotation.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -118,7 +118,7 @@ def _level(
 ) -> Level:
     matrix, features = _features(pixels, scale, descriptor)
     own = features.values
-    vectors = _unit((own - own.mean(axis=(0, 1))) @ basis)
+    vectors = unit((own - own.mean(axis=(0, 1))) @ basis)
     return Level(matrix, vectors, features.stride)
 
 
@@ -179,15 +179,28 @@ def search(
         near_size: its width and height.
         most: how many.
     """
-    vectors = [(template, _unit((template.vectors - far.mean) @ far.basis)) for template in sought]
+    vectors = [(template, unit((template.vectors - far.mean) @ far.basis)) for template in sought]
     peaks = [peak for level in far.levels for peak in _peaks(level, vectors, most)]
     peaks.sort(key=lambda each: -each.support)
+    return distinct(peaks, near_size, most)
+
+
+def distinct(
+    sorted_hypotheses: Sequence[Hypothesis], near_size: tuple[int, int], most: int
+) -> list[Hypothesis]:
+    """The first hypotheses that are at another place, scale or rotation than those before.
+
+    Args:
+        sorted_hypotheses: affine transforms, best first.
+        near_size: width and height of the near image.
+        most: how many.
+    """
     found: list[Hypothesis] = []
-    for peak in peaks:
+    for hypothesis in sorted_hypotheses:
         if len(found) == most:
             break
-        if not any(_same(peak, other, near_size) for other in found):
-            found.append(peak)
+        if not any(_same(hypothesis, other, near_size) for other in found):
+            found.append(hypothesis)
     return found
 
 
@@ -260,7 +273,8 @@ def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDAr
     return score
 
 
-def _unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+def unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """The vectors of the last axis at unit length; those of nearly no length stay short."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.maximum(length, 1e-6), np.float32)
 

@@ -1,13 +1,19 @@
-"""View simulation (Morel and Yu, 2009): an image as it would look from aside."""
+"""View simulation (Morel and Yu, 2009): images as they would look from aside, and their matches."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.adaptive.hypothesis import Hypothesis
+from nearfar.adaptive.keypoints import detect_keypoints
+from nearfar.adaptive.zoom import inside, scaled
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.estimators import Estimator, Task
 from nearfar.geometry.homography import outline, transform, translation
+from nearfar.points import Points, match_points_by_ratio, one_match_per_cell
 
 
 @dataclass(frozen=True)
@@ -31,11 +37,23 @@ def around(tilt: float, count: int) -> tuple[View, ...]:
     return tuple(View(tilt, 180 * index / count) for index in range(count))
 
 
-FEW, MORE = around(2, 4), around(4, 8)
-"""Of regions."""
-ALL_AROUND = ((FRONTAL, *FEW, *MORE), (*around(2 * math.sqrt(2), 6), *around(4 * math.sqrt(2), 12)))
-"""Of whole images, and those that are added where they do not suffice; tilts and axes are nearly
+ALL_AROUND = (
+    (FRONTAL, *around(2, 4), *around(4, 8)),
+    (*around(2 * math.sqrt(2), 6), *around(4 * math.sqrt(2), 12)),
+)
+"""Views of an image, and those that are added where they do not suffice; tilts and axes are nearly
 those of ASIFT (Morel and Yu, 2009)."""
+
+LONGEST_SIDE = 640
+"""Images are reduced to this before views of them are simulated, in pixels."""
+CONTRAST = 0.02
+POINTS_PER_VIEW = 800
+"""Keypoints of a view, those of the highest contrast."""
+RATIO = 0.85
+APART = 10.0
+"""Points this close together, in pixels, are one point seen in several views."""
+CELL = 2.0
+"""Side of the cells of which each gives one match, in pixels."""
 
 
 def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixels, Matrix3]:
@@ -75,6 +93,40 @@ def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
     u, v = x * np.cos(along) + y * np.sin(along), -x * np.sin(along) + y * np.cos(along)
     kernel = np.exp(-0.5 * (u / deviation) ** 2 - 0.5 * (v / 0.4) ** 2)
     return np.asarray(cv2.filter2D(pixels, -1, kernel / kernel.sum()))
+
+
+def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Points:
+    """The keypoints of all views of an image together, at their places in the image itself."""
+    small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
+    places: list[Coordinates] = []
+    vectors = []
+    for view in views:
+        seen, view_from_small = simulate(small, view)
+        view_from_image = view_from_small @ small_from_image
+        points = detect_keypoints(seen, CONTRAST, POINTS_PER_VIEW)
+        points = inside(points, view_from_image, pixels)
+        places.append(transform(np.linalg.inv(view_from_image), points.xy))
+        vectors.append(points.vectors)
+    return Points(np.vstack(places), np.vstack(vectors))
+
+
+def from_views(seen: Sequence[tuple[Points, Points]], estimator: Estimator) -> list[Hypothesis]:
+    """The homography that most matches between views of both images agree on.
+
+    Args:
+        seen: keypoints of views of the far and of the near image, of one set of views or several.
+        estimator: of the homography.
+    """
+    far, near = (
+        Points(np.vstack([each.xy for each in side]), np.vstack([each.vectors for each in side]))
+        for side in zip(*seen, strict=True)
+    )
+    pairs = match_points_by_ratio(far, near, RATIO, apart=APART)
+    pairs = one_match_per_cell(far, near, pairs, CELL)
+    fitted = estimator.estimate(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], Task("homography"))
+    if fitted.far_from_near is None:
+        return []
+    return [Hypothesis(np.asarray(fitted.far_from_near), float(fitted.inliers.sum()), "views")]
 
 
 def _rotation(degrees: float) -> Matrix3:

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
 from nearfar.adaptive.nearest import (
     Gate,
     Nearest,
     mutual_by_ratio,
-    nearest_both_ways,
     nearest_within,
 )
-from nearfar.adaptive.views import View, simulate
-from nearfar.adaptive.votes import Tentative, hypotheses, matches_of, tentative_matches
+from nearfar.adaptive.votes import Tentative, matches_of
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import scaling, transform, translation
 
@@ -26,6 +23,7 @@ MOST_POINTS = 2000
 SIZE_TOLERANCE = 1.7
 ANGLE_TOLERANCE = np.radians(40)
 LONGEST_SIDE = 640.0
+"""Of a frame, in pixels."""
 MOST_ENLARGED = 4.0
 MARGIN = 0.15
 """Of the far region around the expected one, as a share of its longest side."""
@@ -136,28 +134,14 @@ class Region:
             found.tentative,
         )
 
-    def from_aside(self, view: View, most: int) -> list[Hypothesis]:
-        """Hypotheses from keypoints of the near image in a simulated view of the frame."""
-        seen, view_from_frame = simulate(self.near_seen, view)
-        view_from_near = view_from_frame @ self.frame_from_near
-        near = detect_keypoints(seen, CONTRAST, MOST_POINTS)
-        near = inside(near, view_from_near, self.near_pixels)
-        nearest = nearest_both_ways(self.far_points, near)
-        found = hypotheses(tentative_matches(self.far_points, near, *nearest), most, "region views")
-        far_from_frame = np.linalg.inv(self.frame_from_far)
-        return [each.between(far_from_frame, view_from_near) for each in found]
 
-
-def region(
-    far: RGBPixels, near: RGBPixels, far_from_near: Matrix3, longest_side: float = LONGEST_SIDE
-) -> Region | None:
+def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | None:
     """The region that both images show under a hypothesis; None where there is none.
 
     Args:
         far: the far image.
         near: the near image.
         far_from_near: the hypothesis.
-        longest_side: of the frame at most, in pixels.
     """
     height, width = near.shape[:2]
     far_height, far_width = far.shape[:2]
@@ -178,7 +162,7 @@ def region(
     scale = local_scale(far_from_near, middle)
     if not (np.isfinite(scale) and scale > 0):
         return None
-    enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, longest_side / extent.max())
+    enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, LONGEST_SIDE / extent.max())
     frame_from_far = scaling(enlarged, enlarged) @ translation(*(-low - 0.5))
     frame_width, frame_height = np.ceil(extent * enlarged).astype(int)
     size = int(frame_width), int(frame_height)

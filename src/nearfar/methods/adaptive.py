@@ -8,14 +8,14 @@ import numpy as np
 from cachetools import LRUCache
 from numpy.typing import NDArray
 
+from nearfar.adaptive.alignment import align
 from nearfar.adaptive.attempt import Attempt, attempt
 from nearfar.adaptive.confidence import confidence
 from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.keypoints import Keypoints, detect_keypoints
 from nearfar.adaptive.nearest import Nearest, nearest_both_ways
 from nearfar.adaptive.search import Pyramid, enlarged, pyramid, search, templates
-from nearfar.adaptive.sources import from_region_views, from_views, seen_from_aside
-from nearfar.adaptive.views import ALL_AROUND, FEW, MORE
+from nearfar.adaptive.views import ALL_AROUND, from_views, seen_from_aside
 from nearfar.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.adaptive.zoom import Matched, matched_again, region
 from nearfar.arrays import RGBPixels
@@ -38,10 +38,10 @@ LAX_RATIO = 0.97
 """Where matches are ordered by their neighbours' support, more wrong ones do no harm."""
 STRONG = {"homography": -20.0, "fundamental": -30.0, "pose": -30.0}
 """Evidence at which no further step is tried."""
-VOTED, SOUGHT, PLACES = 10, 10, 3
-"""Hypotheses by votes and by search, and those of each in whose regions views are simulated."""
-SOUGHT_ENLARGED = 40
-"""Those by search in the enlarged image, where a template is a few cells and much is like it."""
+VOTED, SOUGHT = 10, 10
+"""Hypotheses by votes, and by each search, that are tried."""
+COMPARED, ALIGNED = 100, 20
+"""Hypotheses of each search that are aligned where none was right, and how many are then tried."""
 REACH, SECOND_REACH = 0.12, 0.05
 """Gate of a hypothesis and of the model found with it, as a share of the region's diagonal."""
 PROMISING = 3.0
@@ -242,28 +242,27 @@ class Adaptive:
         yield voted[:2]
         with timer.stage("landmark search"):
             turned = templates(near.pixels, self._descriptor)
-            sought = search(self._pyramid(far), turned, near.size, SOUGHT)
-        pair.sought.extend(sought)
-        yield sought
+            sought = search(self._pyramid(far), turned, near.size, COMPARED)
+        pair.sought.extend(sought[:SOUGHT])
+        yield sought[:SOUGHT]
         yield voted[2:]
         with timer.stage("landmark search"):
             larger = enlarged(self._pyramid(far), far.pixels, self._descriptor)
-            smallest = search(larger, turned, near.size, SOUGHT_ENLARGED)
-        pair.sought.extend(smallest)
-        yield smallest
+            smallest = search(larger, turned, near.size, COMPARED)
+        pair.sought.extend(smallest[:SOUGHT])
+        yield smallest[:SOUGHT]
         if pair.task.model != "homography" or not self._may("views"):
             return
-        for views in (FEW, MORE):
-            with timer.stage("views"):
-                found = from_region_views(
-                    far.pixels, near.pixels, sought[:PLACES] + voted[:1], views
-                )
-            yield found
+        with timer.stage("alignment"):
+            features = self._pyramid(far)
+            both = [*sought, *smallest]
+            affine = align(far.pixels, near.pixels, both, self._descriptor, features)
+        yield affine[:ALIGNED]
         seen: list[tuple[Points, Points]] = []
         for views in ALL_AROUND:
             with timer.stage("views"):
-                both = seen_from_aside(far.pixels, views), seen_from_aside(near.pixels, views)
-                seen.append(both)
+                aside = seen_from_aside(far.pixels, views), seen_from_aside(near.pixels, views)
+                seen.append(aside)
                 found = from_views(seen, self._local)
             yield found
 

@@ -16,7 +16,7 @@ const STEPS = {
   points: "Points",
   votes: "Votes",
   landmarks: "Landmark search",
-  "region views": "Views of regions",
+  alignment: "Alignment of places",
   views: "Views of whole images",
   expected: "Voted place",
 };
