@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nearfar.adaptive.hypothesis import Hypothesis
 from nearfar.adaptive.search import Pyramid, distinct, unit
 from nearfar.adaptive.zoom import scaled, warped
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.homography import transform, translation
 
@@ -111,7 +111,7 @@ class Frame:
         return float((self._vectors * vectors[self._covered]).sum(axis=1).mean())
 
     def _seen(self, far: RGBPixels, far_from_near: Matrix3) -> tuple[NDArray[np.float32], Matrix3]:
-        """The far image's cells in the frame, zero outside of it, and where the frame lies."""
+        """(N, D) far cells in the frame, zero outside the far image, and frame from far pixels."""
         frame_from_far = self._frame_from_near @ np.linalg.inv(far_from_near)
         vectors, cells = self._described(warped(far, frame_from_far, self._size))
         own = transform(np.linalg.inv(frame_from_far), cells)
@@ -119,13 +119,11 @@ class Frame:
         vectors[~((own >= 0) & (own <= [width - 1, height - 1])).all(axis=1)] = 0
         return vectors, frame_from_far
 
-    def _described(self, pixels: RGBPixels) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """(N, D) unit vectors and (N, 2) places of the cells."""
+    def _described(self, pixels: RGBPixels) -> tuple[NDArray[np.float32], Coordinates]:
+        """(N, D) unit vectors and (N, 2) places of the cells, in pixels."""
         features = self._descriptor.feature_map(pixels)
-        rows, columns, values = features.values.shape
-        grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        own = features.values.reshape(-1, values) - self._far.mean
-        return unit(own @ self._far.basis), features.offset + features.stride * grid.astype(float)
+        own = features.values.reshape(-1, features.values.shape[-1]) - self._far.mean
+        return unit(own @ self._far.basis), features.centres
 
 
 def align(
@@ -165,11 +163,12 @@ def _finished(
     far: RGBPixels, start: Hypothesis, origin: Hypothesis, frames: Sequence[Frame]
 ) -> Hypothesis | None:
     """The result of the later passes, with its likeness as support."""
-    moved: Hypothesis | None = start
+    moved = start
     for frame in frames:
-        moved = None if moved is None else _near(frame.aligned(far, moved), origin)
-    if moved is None:
-        return None
+        following = _near(frame.aligned(far, moved), origin)
+        if following is None:
+            return None
+        moved = following
     return replace(moved, support=frames[-1].likeness(far, moved))
 
 

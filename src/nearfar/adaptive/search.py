@@ -216,13 +216,12 @@ def _template(
     matrix = translation(left, top) @ matrix
     features = descriptor.feature_map(np.asarray(padded))
     rows, columns = features.values.shape[:2]
-    grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    own = transform(np.linalg.inv(matrix), features.offset + features.stride * grid.astype(float))
+    own = transform(np.linalg.inv(matrix), features.centres)
     height, width = pixels.shape[:2]
     covered = ((own >= -0.5) & (own <= [width - 0.5, height - 0.5])).all(axis=1)
     return Template(
         features.values.reshape(rows * columns, -1)[covered],
-        grid[covered][:, ::-1],
+        np.argwhere(covered.reshape(rows, columns)),
         (rows, columns),
         matrix @ template_from_near,
     )

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Boxes, RGBPixels, Vectors
+from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,13 @@ class FeatureMap:
     values: NDArray[np.float32]
     stride: int
     offset: float
+
+    @property
+    def centres(self) -> Coordinates:
+        """(rows * columns, 2) of the cells, row by row, in pixels of the image."""
+        rows, columns = self.values.shape[:2]
+        x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+        return self.offset + self.stride * np.column_stack([x.ravel(), y.ravel()]).astype(float)
 
 
 class Descriptor(Protocol):

@@ -100,7 +100,8 @@ class Adaptive:
     """Matches points; where that is not enough, guesses where the near image lies and zooms in.
 
     Guesses come from votes of matched points, from a search for the near image in a pyramid of
-    the far image's features, and from simulated views; the cheapest first.
+    the far image's features, from its places made affine, and from simulated views; the cheapest
+    first.
 
     Raises:
         SettingsError: the descriptor has no feature maps.
