@@ -66,6 +66,33 @@ def test_exif_orientation_is_applied(tmp_path: Path, orientation: int, kind: str
     np.testing.assert_array_equal(image.pixels, upright[orientation])
 
 
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("mode", ["L", "I;16", "P", "RGBA", "CMYK"])
+def test_tiffs_that_pillow_would_map_are_turned_as_well(
+    tmp_path: Path, orientation: int, mode: str
+) -> None:
+    exif = PillowImage.Exif()
+    exif[0x0112] = orientation
+    stored = PillowImage.fromarray(GRADIENT[..., 0]).convert("RGB" if mode in "CMYK" else "L")
+    stored = stored.convert(mode)
+    stored.save(tmp_path / "turned.tif", exif=exif)
+    stored.save(tmp_path / "upright.tif")
+    upright = read_image(tmp_path / "upright.tif").pixels
+    turned = read_image(tmp_path / "turned.tif").pixels
+    back = {1: 0, 2: 0, 3: 2, 4: 2, 5: 3, 6: 1, 7: 1, 8: 3}[orientation]
+    turned = np.rot90(turned, back)
+    if orientation in (2, 4, 5, 7):
+        turned = turned[:, ::-1]
+    np.testing.assert_array_equal(turned, upright)
+
+
+def test_the_array_may_be_used_again() -> None:
+    frame = GRADIENT.copy()
+    image = read_image(frame)
+    frame[:] = 0
+    np.testing.assert_array_equal(image.pixels, GRADIENT)
+
+
 @pytest.mark.parametrize("suffix", ["png", "tif", "ppm"])
 @pytest.mark.parametrize("channels", [1, 3])
 def test_sixteen_bits_equal_eight(tmp_path: Path, suffix: str, channels: int) -> None:

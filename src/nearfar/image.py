@@ -87,6 +87,8 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
     if isinstance(source, np.ndarray):
         path = None
         pixels = _to_rgb8(_checked(source, max_pixels), max_size)
+        if np.may_share_memory(pixels, source):
+            pixels = pixels.copy()  # The caller may reuse the array for the next frame.
         height, width = source.shape[:2]
     else:
         path = _regular_file(source)
@@ -141,7 +143,12 @@ def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
 def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
     """The pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
     try:
-        with quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
+        # Pillow would map a file that it is given by name, and read TIFFs stored turned as garbage.
+        with (
+            quiet_pillow(),
+            path.open("rb") as file,
+            PillowImage.open(file, formats=FORMATS) as opened,
+        ):
             _check_limit(str(path), opened.width, opened.height, max_pixels)
             deep = _is_deep_colour(opened)
             opened.load()
