@@ -59,6 +59,15 @@ def test_fundamental_matrix_four_rows_off(found: nearfar.Localization) -> None:
     assert (errors["strict"], errors["loose"]) == (False, False)
 
 
+def test_a_true_point_on_the_horizon_counts_as_the_papers_failure(
+    found: nearfar.Localization,
+) -> None:
+    right = case("homography").near_points[:, 0].max()
+    horizon = np.array([[0.5, 0, 0], [0, 0.5, 0], [-1 / right, 0, 1.0]])
+    errors = evaluate(case("homography"), dataclasses.replace(found, far_from_near=horizon))
+    assert errors["ste"] == PAPER_FAILURE_STE
+
+
 @pytest.mark.parametrize(("degrees", "success"), [(4.9, True), (5.1, False)])
 def test_pose(found: nearfar.Localization, degrees: float, success: bool) -> None:
     angle = np.radians(degrees)

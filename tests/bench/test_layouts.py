@@ -100,6 +100,30 @@ def test_paper_size_keeps_positions(tmp_path: Path, images: tuple[RGBPixels, RGB
     assert case.scale_change != cases[0].scale_change
 
 
+def test_paper_size_follows_the_images(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> None:
+    folder = tmp_path / "v_cup"
+    save(folder / "1.png", images[0])
+    save(folder / "2.png", images[1])
+    np.savetxt(folder / "H_1_2", np.linalg.inv(HALF))
+    (before,) = resized_to_paper(find_pairs(tmp_path), tmp_path / "out")
+    pixels = read_image(before.far).pixels
+    save(folder / "1.png", 255 - images[0])
+    (after,) = resized_to_paper(find_pairs(tmp_path), tmp_path / "out")
+    assert after.far == before.far
+    assert np.abs(read_image(after.far).pixels.astype(int) - (255 - pixels)).max() <= 1
+
+
+def test_a_sequence_of_one_scale_is_a_pair_whichever_image_seems_larger(tmp_path: Path) -> None:
+    """Measured between true points of its own, each order's scale change is below 1 here."""
+    folder = tmp_path / "v_flat"
+    for name in ("1", "2"):
+        save(folder / f"{name}.png", np.zeros((480, 640, 3), np.uint8))
+    turned = [[0.86498, 0.21339, 4.10772], [-0.1655, 1.11526, -26.74151], [0.00018, -0.00029, 1]]
+    np.savetxt(folder / "H_1_2", turned)
+    (case,) = find_pairs(tmp_path)
+    assert case.scale_change == 1
+
+
 @pytest.mark.parametrize("shift", [(-40, -30), (0, -30), (-40, -250), (100, 0)])
 def test_true_points_of_a_sequence_spread_in_both_directions(
     tmp_path: Path, shift: tuple[int, int]

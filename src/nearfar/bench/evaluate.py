@@ -151,8 +151,10 @@ def _homography_errors(
         strict=error < STRICT_PX,
         loose=error < max(STRICT_PX, LOOSE_SHARE * true_diagonal(case, *near_size)),
         median_error=float(np.median(distances)),
-        ste=ste * to_ten_points,
-        ste_published=published * to_ten_points,
+        ste=ste * to_ten_points if np.isfinite(ste) else HomographyErrors.ste,
+        ste_published=(
+            published * to_ten_points if np.isfinite(published) else HomographyErrors.ste_published
+        ),
     )
 
 

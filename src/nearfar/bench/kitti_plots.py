@@ -15,17 +15,21 @@ def _failed(row: Row) -> float:
     return float(row["status"] != "localized")
 
 
-def _t_err(row: Row) -> float | None:
-    stereo: float | None = row.get("t_err_stereo")
-    return row["t_err_unit"] if stereo is None else stereo
+Plot = tuple[str, Callable[[Row], float | None], bool]
+"""Axis label, value of a row, whether a logarithmic fit is drawn."""
 
 
-PLOTS: dict[str, tuple[str, Callable[[Row], float | None], bool]] = {
-    "translation_error": ("t_err (stereo length where there is one)", _t_err, True),
-    "rotation_error": ("r_err", lambda row: row["r_err"], True),
-    "failure_rate": ("share of failures", _failed, False),
-}
-"""File name -> axis label, value of a row, whether a logarithmic fit is drawn."""
+def plots(rows: Sequence[Row]) -> dict[str, Plot]:
+    """By file name. t_err is with the length from stereo only where all rows have it."""
+    if all(row.get("t_err_stereo") is not None for row in rows):
+        translation: Plot = ("t_err, length from stereo", lambda row: row["t_err_stereo"], True)
+    else:
+        translation = ("t_err, unit length", lambda row: row["t_err_unit"], True)
+    return {
+        "translation_error": translation,
+        "rotation_error": ("r_err", lambda row: row["r_err"], True),
+        "failure_rate": ("share of failures", _failed, False),
+    }
 
 
 def plot_kitti(rows: Sequence[Row], folder: Path) -> list[Path]:
@@ -37,11 +41,11 @@ def plot_kitti(rows: Sequence[Row], folder: Path) -> list[Path]:
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    return [_plot(rows, name, folder) for name in PLOTS]
+    return [_plot(rows, plot, folder / f"kitti_{name}.png") for name, plot in plots(rows).items()]
 
 
-def _plot(rows: Sequence[Row], name: str, folder: Path) -> Path:
-    label, value, fitted = PLOTS[name]
+def _plot(rows: Sequence[Row], plot: Plot, file: Path) -> Path:
+    label, value, fitted = plot
     figure, axes = figure_axes()
     for index, method in enumerate(distinct(method_name(row) for row in rows)):
         own = [row for row in rows if method_name(row) == method]
@@ -57,4 +61,4 @@ def _plot(rows: Sequence[Row], name: str, folder: Path) -> Path:
     axes.set_ylabel(label)
     axes.set_ylim(0, 1)
     axes.legend()
-    return save_figure(figure, folder / f"kitti_{name}.png")
+    return save_figure(figure, file)

@@ -47,9 +47,8 @@ def _write(source: Path, points: Coordinates, file: Path) -> tuple[Path, Coordin
     """The resized image's file and the points in its pixels."""
     image = read_image(source)
     factor = np.array(PAPER_SIZE) / (image.width, image.height)
-    if not file.exists():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        pixels = cv2.resize(image.pixels, PAPER_SIZE, interpolation=cv2.INTER_LINEAR)
-        with replaced(file) as incomplete:
-            PillowImage.fromarray(pixels).save(incomplete, format="PNG")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    pixels = cv2.resize(image.pixels, PAPER_SIZE, interpolation=cv2.INTER_LINEAR)
+    with replaced(file) as incomplete:
+        PillowImage.fromarray(pixels).save(incomplete, format="PNG")
     return file, (points + 0.5) * factor - 0.5

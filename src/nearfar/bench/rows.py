@@ -53,7 +53,7 @@ def settings_table(settings: Settings) -> dict[str, Any]:
 
 
 def settings_key(settings: Settings) -> str:
-    """A short hash of everything that can change a result."""
+    """A short hash of all settings and weights; code and images are not part of it."""
     text = json.dumps(settings_table(settings), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
@@ -216,7 +216,7 @@ def _join(file: Url) -> None:
 
 
 def record_run(folder: Location, settings: Sequence[Settings]) -> None:
-    """Write or complete `run.json`: version, commands, environment, settings by key.
+    """Write or complete `run.json`: version, environment, earlier ones, commands, settings by key.
 
     Raises:
         BenchmarkError: there is a `run.json` that cannot be read.
@@ -228,15 +228,23 @@ def record_run(folder: Location, settings: Sequence[Settings]) -> None:
     tables = known.get("settings", {}) | {
         settings_key(each): settings_table(each) for each in settings
     }
-    content = {
+    used = {
         "nearfar": importlib.metadata.version("nearfar"),
-        "commands": list(dict.fromkeys(commands)),
         "environment": {
             "python": platform.python_version(),
             "platform": platform.platform(),
             "cpus": os.cpu_count(),
             "packages": versions(),
         },
+    }
+    before = {name: known[name] for name in used if name in known}
+    earlier = known.get("earlier", [])
+    if before and before != used and before not in earlier:
+        earlier = [*earlier, before]
+    content = {
+        **used,
+        "earlier": earlier,
+        "commands": list(dict.fromkeys(commands)),
         "settings": {key: _without_infinity(table) for key, table in tables.items()},
         "runs": known.get("runs", []),
     }

@@ -43,13 +43,15 @@ def _read(file: Path, number: int, folder: Path) -> Case:
     except (OSError, ValueError, np.linalg.LinAlgError) as error:
         raise BenchmarkError(f"homography {file} cannot be read: {error}") from error
     first, second = (_image(file.parent, index) for index in (1, number))
+    orders = []  # Each order has true points of its own, so that the changes are not reciprocal.
     for far, near, far_from_near in ((first, second, inverse), (second, first, second_from_first)):
         far_points, near_points = _grid_points(far, near, far_from_near)
         change = scale_change(far_points, near_points)
-        if change is not None and change >= 1:
-            break
-    else:
+        if change is not None:
+            orders.append((change, far, near, far_points, near_points))
+    if not orders:
         raise BenchmarkError(f"the images related by {file} do not overlap")
+    change, far, near, far_points, near_points = max(orders, key=lambda order: order[0])
     sequence = name_below(file.parent, folder)
     return Case(
         name=f"{sequence}/1_{number}",
@@ -57,7 +59,7 @@ def _read(file: Path, number: int, folder: Path) -> Case:
         far=far.path or file,
         near=near.path or file,
         model="homography",
-        scale_change=change,
+        scale_change=max(change, 1.0),  # Below 1 in both orders: neither shows it larger.
         far_points=far_points,
         near_points=near_points,
     )

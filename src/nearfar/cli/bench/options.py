@@ -29,7 +29,8 @@ class _BenchSettings(Settings):
     """Count as a failure where so many models as good as the one found are expected by chance; inf
     accepts every model, as the paper does."""
     min_confidence: float = 0.0
-    """Count as a failure where the calibrated confidence is below this; 0 accepts every model."""
+    """Count as a failure where the calibrated confidence is below this; 0 accepts all that
+    max_false_alarms accepts."""
 
 
 BenchSettings = Annotated[_BenchSettings, Parameter(name="*", group="Settings")]
@@ -45,14 +46,14 @@ class _RunOptions(Workplace):
     """What is compared, on how much, and where the work is done."""
 
     out: Place
-    """Folder, or URL of one (s3://BUCKET/PATH), for the results; a run that was stopped goes on
-    where it was."""
+    """Folder for the results, or URL of one (s3://BUCKET/PATH) where no images are made; a run that
+    was stopped goes on where it was."""
 
     method: _Names = ()
-    """A method to compare; may be repeated."""
+    """A method to compare; may be repeated. Default: paper."""
 
     descriptor: _Names = ()
-    """A landmark descriptor to compare; may be repeated."""
+    """A landmark descriptor to compare; may be repeated. Default: nearfar."""
 
     weights: WeightOptions = ()
     """Weights of a network, e.g. resnet50=resnet50.pth; may be repeated."""
@@ -105,8 +106,8 @@ def variants(settings: Settings, options: _RunOptions) -> list[Settings]:
     """
     common = with_weights(settings, options.weights)
     found = []
-    for method in options.method or [settings.method]:
-        for descriptor in options.descriptor or [settings.descriptor]:
+    for method in dict.fromkeys(options.method or [settings.method]):
+        for descriptor in dict.fromkeys(options.descriptor or [settings.descriptor]):
             variant = common.replace(method=method, descriptor=descriptor)
             if not METHODS.create(method, variant).uses_landmarks:
                 found.append(settings.replace(method=method))
