@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 class Localizer:
     """Localizes many pairs of images; features of an image are computed once.
 
+    Not to be used by several threads at once; give each its own.
+
     Args:
         settings: the settings; the defaults where None.
         cache_bytes: memory for the features of the images used last.

@@ -116,6 +116,14 @@ def test_the_pixels_of_a_list_are_not_kept(
     assert not any(found.far.pixels.strides + found.near.pixels.strides)
 
 
+def test_names_that_hlocs_lists_cannot_hold_are_refused(
+    found: Localization, tmp_path: Path
+) -> None:
+    with pytest.raises(ExportError, match="white space"):
+        nearfar.export(found, "hloc", tmp_path / "hloc", far="far 1.png", near="near.png")
+    assert not (tmp_path / "hloc").exists()
+
+
 def test_a_list_that_is_no_list_of_pairs(tmp_path: Path) -> None:
     pairs = tmp_path / "pairs.txt"
     pairs.write_text("only-one.png\n")

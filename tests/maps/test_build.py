@@ -157,6 +157,21 @@ def test_what_a_killed_writer_left_is_ignored_and_removed(small_town: Path, phot
     assert content(folder) == content(small_town)
 
 
+def test_what_is_left_of_an_image_that_had_failed_before_is_removed_as_well(
+    small_town: Path, photos: Path
+) -> None:
+    folder = photos.parent / "map"
+    opened = open_map(folder, create=True)
+    opened.add([photos])
+    tables = MapStore(folder)
+    coins = next(each for each in tables.images() if each.name.endswith("coins.png"))
+    tables._images.update(where=f"id = {coins.id}", values={"status": "too large"})
+    left = open_map(folder)
+    assert any(problem.image is None for problem in left.problems())
+    left.add([photos])
+    assert content(folder) == content(small_town)
+
+
 def test_a_second_writer_is_refused_and_readers_are_not(
     photos: Path, small_close_up: KnownPair
 ) -> None:

@@ -28,7 +28,7 @@ def files(known_files: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
 def test_localize_and_all_exports(files: tuple[Path, Path]) -> None:
     pytest.importorskip("h5py")
     pytest.importorskip("pycolmap")
-    formats = ("csv", "opencv-yaml", "geojson", "hloc", "colmap", "png", "svg")
+    formats = ("csv", "opencv-yaml", "geojson", "colmap", "png", "svg")
     options = [option for name in formats for option in ("--export", name)]
     out = files[0].parent / "Ergebnis ü"
     assert (
@@ -37,7 +37,7 @@ def test_localize_and_all_exports(files: tuple[Path, Path]) -> None:
     written = {file.name for file in out.iterdir()}
     assert written >= {
         "localization.json", "footprint.png", "matches.csv", "localization.yaml",
-        "footprint.geojson", "hloc", "colmap.db", "figure.png", "figure.svg",
+        "footprint.geojson", "colmap.db", "figure.png", "figure.svg",
     }  # fmt: skip
     saved = json.loads((out / "localization.json").read_text("utf-8"))
     assert saved["far"]["path"] == str(files[0])

@@ -49,6 +49,16 @@ def test_a_homography_has_every_picture(
     assert {path.stem for path in tmp_path.glob("*.png")} == set(pictures)
 
 
+def test_no_picture_of_an_earlier_answer_is_left(
+    pair: tuple[Image, Image], known_pair: KnownPair, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.png").write_bytes(b"not ours")
+    found = localized(*pair, known_pair.far_from_near)
+    found.save(tmp_path)
+    pictures = saved(replace(found, far_from_near=None, footprint=None), tmp_path)
+    assert {path.stem for path in tmp_path.glob("*.png")} == set(pictures) | {"notes"}
+
+
 def test_a_method_without_landmarks_has_no_landmark_picture(
     pair: tuple[Image, Image], known_pair: KnownPair, tmp_path: Path
 ) -> None:

@@ -1,5 +1,8 @@
 from pathlib import Path
 
+import pytest
+
+from nearfar.errors import TrainingError
 from nearfar.train.photographs import Photograph, held_out, read_photographs
 
 
@@ -10,6 +13,12 @@ def test_reads_every_photograph_and_says_what_is_none(folder: Path) -> None:
     assert len(skipped) == 2
     assert any("narrow.png" in line and "shorter" in line for line in skipped)
     assert any("notes.txt" in line for line in skipped)
+
+
+def test_a_photograph_in_two_folders_is_read_once(folder: Path) -> None:
+    assert len(read_photographs([folder, folder / "below"])[0]) == 4
+    with pytest.raises(TrainingError, match="missing is not a folder"):
+        read_photographs([folder / "missing"])
 
 
 def test_levels_halve(photographs: list[Photograph]) -> None:

@@ -42,6 +42,7 @@ class Exporter(ABC):
 
         Raises:
             ExportError: the format has no place for such a localization.
+            ImageError: the far image's file does not allow it.
             OSError: a file cannot be written.
         """
 
@@ -89,6 +90,7 @@ def export(
 
     Raises:
         ExportError: the format has no place for such a localization, e.g. poses without a pose.
+        ImageError: the far image's file does not allow it, e.g. a GeoTIFF that is stored turned.
         SettingsError: there is no such format.
         MissingExtraError: a package that the format needs is not installed.
         IntrinsicsError: the intrinsics are not valid.

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.exports.hloc_files import NamedLocalization, write_hloc
 from nearfar.extras import require
@@ -19,8 +20,18 @@ class HlocExporter(Exporter):
         require("export", "h5py")
 
     def write(self, subject: Subject, path: Path) -> list[Path]:
-        """See `Exporter.write`."""
+        """See `Exporter.write`.
+
+        Raises:
+            ExportError: a name holds white space, at which hloc splits the lines of its lists.
+        """
         names = subject.names
+        for name in (names.far, names.near):
+            if name.split() != [name]:
+                raise ExportError(
+                    f"hloc's lists cannot hold {name!r}, a name with white space: rename the file, "
+                    "or give far= and near= to nearfar.export"
+                )
         path.mkdir(exist_ok=True)
         features, matches, pairs = (
             path / name for name in ("features.h5", "matches.h5", "pairs.txt")

@@ -37,7 +37,8 @@ ImageFiles = ImageFile | Iterable[ImageFile]
 class Map:
     """The images of a map; its state when it was opened, and its own changes.
 
-    Every method raises `StorageError` where the map is in object storage that does not answer.
+    Not to be used by several threads at once; each can open the map for itself. Every method raises
+    `StorageError` where the map is in object storage that does not answer.
 
     Args:
         folder: of the map.

@@ -208,9 +208,9 @@ class MapStore:
 
     @own_errors
     def orphans(self) -> set[int]:
-        """Ids that tiles or landmarks have but no image."""
+        """Ids that tiles or landmarks have but no usable image."""
         ids = owners(self._tiles) | owners(self._landmarks)
-        return ids - {each.id for each in self.images()}
+        return ids - {each.id for each in self.images() if each.usable}
 
     @own_errors
     def tiled(self) -> set[int]:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from nearfar.localization import Localization
 
 
+PAGES = (
+    "landmark_matches", "point_matches", "epipolar_lines", "footprint",
+    "blend", "checkerboard", "far_in_near_blend", "far_in_near_checkerboard",
+)  # fmt: skip
+"""Names of all pictures of a localization."""
+
 _COMPRESSION = 4
 """As small as Pillow's 6 on these pictures, in half the time."""
 
@@ -26,7 +32,7 @@ _THINNING = 4
 
 
 def save_all(localization: "Localization", folder: Path) -> list[Path]:
-    """Write every picture that the localization allows, as PNG.
+    """Write every picture that the localization allows, as PNG; others of these names are removed.
 
     Always `point_matches.png`; `landmark_matches.png` of a method with landmarks, unless they
     were not needed;
@@ -55,6 +61,9 @@ def save_all(localization: "Localization", folder: Path) -> list[Path]:
         "footprint": footprint_page(localization),
         **overlay_pages(localization),
     }
+    for name in PAGES:  # None may be left of what was shown here before.
+        if pages.get(name) is None:
+            (folder / f"{name}.png").unlink(missing_ok=True)
     return [save(page, folder / f"{name}.png") for name, page in pages.items() if page is not None]
 
 

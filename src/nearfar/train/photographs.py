@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import RGBPixels
-from nearfar.errors import NearfarError
+from nearfar.errors import NearfarError, TrainingError
 from nearfar.image import read_image
 
 SMALLEST_SIDE = 64
@@ -40,9 +40,17 @@ def read_photographs(folders: list[Path]) -> tuple[list[Photograph], list[str]]:
 
     Returns:
         The photographs, and one line for each file that is none or too small.
+
+    Raises:
+        TrainingError: one of them is no folder.
     """
+    for folder in folders:
+        if not folder.is_dir():
+            raise TrainingError(f"{folder} is not a folder")
+    files = (file for folder in folders for file in folder.rglob("*") if file.is_file())
+    once = {file.resolve(): file for file in files}  # Else one might be trained on and held out.
     photographs, skipped = [], []
-    for file in sorted(file for folder in folders for file in folder.rglob("*") if file.is_file()):
+    for file in sorted(once.values()):
         try:
             pixels = read_image(file, max_size=LONGEST_SIDE).pixels
         except NearfarError as error:
