@@ -1,4 +1,4 @@
-"""Peak memory and time of one pair at the default settings, far images of 12 and 100 megapixels.
+"""Peak memory and time of `paper` with `hog` on a pair with a far image of 12 and 100 megapixels.
 
 Run with `python benchmarks/memory.py`; each pair runs in a process of its own.
 """
@@ -31,7 +31,7 @@ def make_pair(folder: Path, size: tuple[int, int]) -> tuple[Path, Path]:
 
 def measure(far: str, near: str) -> None:
     """Localize one pair and print what it took."""
-    found = nearfar.localize(far, near)
+    found = nearfar.localize(far, near, method="paper", descriptor="hog")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     seconds = sum(found.seconds.values())
     print(json.dumps({"status": found.status, "seconds": seconds, "peak_megabytes": peak}))

@@ -41,10 +41,10 @@ class Settings:
     """What describes a landmark."""
 
     proposer: str = "selective-search"
-    """What finds the boxes that may hold an object."""
+    """Methods paper and objects: what finds the boxes that may hold an object."""
 
     estimator: str = "ransac"
-    """What fits the model to the matches."""
+    """Methods paper, objects, sift, sift-ratio and external ones: what fits the model."""
 
     weights: Annotated[Mapping[str, Path], Parameter(parse=False)] = field(default_factory=dict)
     """Network name -> file with its weights (.safetensors or .pth)."""
@@ -78,7 +78,7 @@ class Settings:
     """Landmarks that go through a network together."""
 
     inlier_threshold: float = 6.0
-    """RANSAC: largest reprojection error or epipolar distance of an inlier, in pixels."""
+    """The same methods: largest reprojection error or epipolar distance of an inlier, in pixels."""
 
     max_false_alarms: float = 1e-10
     """Report a failure where so many models as good as the one found are expected by chance; inf
@@ -92,7 +92,8 @@ class Settings:
     speed of the machine."""
 
     min_confidence: float = 0.5
-    """Report a failure where the calibrated confidence is below this; 0 accepts every model."""
+    """Method adaptive: report a failure where the calibrated confidence is below this. The default
+    of max_false_alarms alone refuses homographies below 0.69 and other models below 0.77."""
 
     seed: int = 0
     """Seed of every random choice."""

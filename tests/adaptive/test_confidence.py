@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from nearfar.adaptive.confidence import confidence, weight_of_evidence
 from nearfar.estimators import MODEL_KINDS
+from nearfar.settings import Settings
 
 models = st.sampled_from(MODEL_KINDS)
 exponents = st.floats(-1e6, 1e3)
@@ -30,6 +31,15 @@ def test_it_is_a_probability(model: str, exponent: float) -> None:
 @pytest.mark.parametrize("model", MODEL_KINDS)
 def test_no_model_no_confidence(model: str) -> None:
     assert confidence(model, math.inf) == 0
+
+
+@pytest.mark.parametrize(
+    ("model", "least"), [("homography", 0.69), ("fundamental", 0.77), ("pose", 0.77)]
+)
+def test_what_the_limit_of_false_alarms_amounts_to(model: str, least: float) -> None:
+    """As `min_confidence`, docs/faq.md and docs/adaptive.md say."""
+    limit = math.log10(Settings().max_false_alarms)
+    assert round(confidence(model, limit), 2) == least
 
 
 @pytest.mark.parametrize("model", MODEL_KINDS)

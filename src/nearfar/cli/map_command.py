@@ -231,7 +231,8 @@ def locate_command(
         verify: How many places to look at, those with most votes of landmarks; as many more with
             views of the query from aside where no answer is sure.
         max_effort: The last step of the method adaptive to try at each place.
-        min_confidence: A place of less calibrated confidence is no answer.
+        min_confidence: A place of less calibrated confidence is no answer; nor is one that chance
+            may explain, which is below 0.69 for homographies and 0.77 for poses.
         max_pixels: Refuse larger images, which may be decompression bombs.
         weights: Model of the descriptor, nearfar=FILE.
     """
