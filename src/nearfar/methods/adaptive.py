@@ -178,7 +178,7 @@ class Adaptive:
 
     def _refined(self, pair: _Pair, best: Attempt) -> Attempt:
         """More matches near those of a model that was found by zooming."""
-        if best.step == "points" or best.evidence > REFINED:
+        if best.step == "points" or best.evidence > REFINED or not self._zooms(best.step):
             return best
         for reach in REFINEMENTS:
             found = self._again(pair, best, reach)
