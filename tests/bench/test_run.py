@@ -9,7 +9,7 @@ from PIL import Image as PillowImage
 
 from nearfar.bench import case_row
 from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import read_rows
+from nearfar.bench.rows import read_rows, record_run
 from nearfar.bench.run import run
 from nearfar.bench.tables import success_table, time_table
 from nearfar.errors import BenchmarkError
@@ -99,6 +99,18 @@ def test_other_settings_are_other_results(folder: Path, tmp_path: Path) -> None:
     assert len(first) == len(second) == 1
     assert first[0]["settings"] != second[0]["settings"]
     assert len(read_rows(file)) == 2
+
+
+def test_earlier_versions_are_kept(tmp_path: Path) -> None:
+    record_run(tmp_path, [SIFT])
+    file = tmp_path / "run.json"
+    old = json.loads(file.read_text()) | {"nearfar": "0.0.1"}
+    file.write_text(json.dumps(old))
+    for _ in range(2):
+        record_run(tmp_path, [SIFT])
+    content = json.loads(file.read_text())
+    assert content["earlier"] == [{"nearfar": "0.0.1", "environment": old["environment"]}]
+    assert content["nearfar"] != "0.0.1"
 
 
 def test_tables(folder: Path, tmp_path: Path) -> None:

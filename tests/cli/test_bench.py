@@ -9,6 +9,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
+from nearfar.cli.bench.options import DEFAULTS, _RunOptions, variants
 from tests.cli.test_localize import assert_bad_input, nearfar
 
 
@@ -93,3 +94,9 @@ def test_usage_errors(kitti: Path, tmp_path: Path) -> None:
     sweep = ("bench", "sweep", "--kitti", kitti, "--out", out)
     assert_bad_input(nearfar(*sweep, "--first", "-1"), "first")
     assert_bad_input(nearfar(*sweep, "--disk-gigabytes", "nan"), "disk-gigabytes")
+
+
+def test_what_is_named_twice_is_compared_once(tmp_path: Path) -> None:
+    options = _RunOptions(out=tmp_path, method=("sift", "paper", "sift"), descriptor=("hog", "hog"))
+    found = [(each.method, each.descriptor) for each in variants(DEFAULTS, options)]
+    assert found == [("sift", DEFAULTS.descriptor), ("paper", "hog")]

@@ -5,7 +5,7 @@ import torch
 from nearfar.bench.rows import Row
 from nearfar.train.batches import Batches, BatchShape
 from nearfar.train.losses import counterparts, template_cosines
-from nearfar.train.network import CROP, LandmarkNetwork
+from nearfar.train.network import CROP
 from nearfar.train.photographs import Photograph
 
 REGIONS = 600
@@ -15,9 +15,15 @@ CELLS = 4
 
 
 def validated(
-    network: LandmarkNetwork, photographs: list[Photograph], seed: int, device: torch.device
+    network: torch.nn.Module, photographs: list[Photograph], seed: int, device: torch.device
 ) -> Row:
     """How often the nearest of all far vectors is the right one.
+
+    Args:
+        network: called as `LandmarkNetwork` is.
+        photographs: none of them trained on.
+        seed: of the regions and views.
+        device: where the network is.
 
     Returns:
         `landmark_recall` and `template_recall` among all regions, by their landmarks' cosine and by
