@@ -123,3 +123,14 @@ def test_a_benchmark_records_an_exception_and_goes_on(
     rows = run(find_pairs(tmp_path), [Settings(method=name)], tmp_path / "rows.jsonl")
     assert [row["status"] for row in rows] == ["error", "error"]
     assert "no memory left" in rows[0]["reason"]
+
+
+def test_rows_that_are_not_finite_are_left_out(install: Install, known_pair: KnownPair) -> None:
+    near_xy = np.random.default_rng(0).uniform(0, 500, (60, 2))
+    far_xy = transform(known_pair.far_from_near, near_xy)
+    bad = np.array([[np.nan, 3], [np.inf, 5], [7, 9]])
+    far_more, near_more = np.vstack([bad, far_xy]), np.vstack([bad[::-1], near_xy])
+    name = install(lambda far, near: (far_more, near_more))  # noqa: ARG005
+    found = localize(known_pair.far, known_pair.near, method=name)
+    assert len(found.points) == 60
+    assert found.localized

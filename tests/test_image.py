@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from tifffile import imwrite
 
-from nearfar.errors import ImageError
+from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import outline, transform
 from nearfar.image import Image, quiet_pillow, read_image, reduced_size
 
@@ -252,3 +252,18 @@ def test_threads_leave_pillow_and_the_warnings_as_they_were() -> None:
     leave.set()
     other.join()
     assert (PillowImage.MAX_IMAGE_PIXELS, list(warnings.filters)) == before
+
+
+def test_what_is_read_cannot_be_changed(tmp_path: Path) -> None:
+    """Features that a localizer keeps refer to it."""
+    pixels = np.zeros((4, 5, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), pixels)
+    for source in (pixels, tmp_path / "a.png"):
+        with pytest.raises(ValueError, match="read-only"):
+            read_image(source).pixels[0] = 1
+    pixels[0] = 1
+
+
+def test_a_negative_size_is_refused() -> None:
+    with pytest.raises(SettingsError, match="max_size"):
+        read_image(np.zeros((4, 5, 3), np.uint8), max_size=-1)

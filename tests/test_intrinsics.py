@@ -93,3 +93,17 @@ def test_one_camera_by_its_role(tmp_path: Path) -> None:
         file.write_text(json.dumps(content))
         with pytest.raises(IntrinsicsError, match='must hold {"query"'):
             read_camera(file, "query")
+
+
+@pytest.mark.parametrize("camera", [[500, 500, 100, 100], None, "5678"])
+def test_cameras_of_another_type_are_refused(camera: Any) -> None:
+    with pytest.raises(IntrinsicsError):
+        Intrinsics(camera, camera)
+    with pytest.raises(IntrinsicsError):
+        CameraIntrinsics(camera, 500, 100, 100)
+
+
+def test_digits_of_a_text_are_no_camera() -> None:
+    digits: Any = "5678"
+    with pytest.raises(IntrinsicsError):
+        read_intrinsics({"far": digits, "near": digits})

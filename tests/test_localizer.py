@@ -150,3 +150,14 @@ def test_landmarks_lie_inside_the_original_images() -> None:
     image = read_image(pixels, max_size=16)
     found = _boxes_in_original_pixels(boxes, image)
     assert (found[:, :2] + found[:, 2:] == [24, 15]).all()
+
+
+@pytest.mark.parametrize("expected", [["abc"], [[[1, 2], [3]]], [None], [np.zeros((3, 3))]])
+def test_guesses_that_are_no_homographies_are_refused(known_pair: KnownPair, expected: Any) -> None:
+    with pytest.raises(SettingsError, match="expected"):
+        Localizer().localize(known_pair.far, known_pair.near, expected=expected)
+
+
+def test_an_unknown_descriptor_is_refused_whatever_the_method() -> None:
+    with pytest.raises(SettingsError, match="descriptor"):
+        Localizer(method="sift", descriptor="bogus")

@@ -1,5 +1,6 @@
 """Settings refuse unknown names and values out of range."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -54,3 +55,16 @@ def test_replace_leaves_the_original() -> None:
 def test_localize_refuses_unknown_options_before_reading() -> None:
     with pytest.raises(SettingsError, match="max_sizes"):
         localize("missing.png", "missing.png", max_sizes=3)
+
+
+def test_the_mapping_of_weights_is_copied(tmp_path: Path) -> None:
+    own = {"nearfar": tmp_path}
+    settings = Settings(weights=own)
+    own["resnet50"] = tmp_path
+    assert dict(settings.weights) == {"nearfar": tmp_path}
+
+
+def test_equal_settings_have_equal_hashes() -> None:
+    one, other = Settings(proposal_sigma=1), Settings(proposal_sigma=1.0)
+    assert one == other
+    assert hash(one) == hash(other)

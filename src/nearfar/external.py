@@ -9,6 +9,7 @@ import numpy as np
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.errors import ExternalMethodError, SettingsError
 from nearfar.estimators import Task
+from nearfar.geometry.degeneracy import finite_rows
 from nearfar.methods import Answer
 from nearfar.registry import ESTIMATORS, EXTERNAL
 from nearfar.settings import Settings
@@ -69,7 +70,8 @@ class ExternalMethod:
                 f"the matcher {self._path} must return two arrays of numbers of the same shape "
                 f"(N, 2): far points, near points"
             )
-        return far_xy, near_xy
+        finite = finite_rows(far_xy, near_xy)
+        return far_xy[finite], near_xy[finite]
 
 
 def _coordinates(points: Any) -> Coordinates:

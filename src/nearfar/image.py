@@ -18,7 +18,7 @@ from PIL import UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.errors import ImageError
+from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import scaling
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
@@ -83,7 +83,10 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
 
     Raises:
         ImageError: it cannot be read, or is larger than `max_pixels`.
+        SettingsError: `max_size` is negative.
     """
+    if max_size < 0:
+        raise SettingsError(f"max_size must be at least 0, not {max_size}")
     if isinstance(source, np.ndarray):
         path = None
         pixels = _to_rgb8(_checked(source, max_pixels), max_size)
@@ -95,6 +98,7 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
         decoded = _decode(path, max_pixels)
         height, width = decoded.shape[:2]
         pixels = _to_rgb8(decoded, max_size)
+    pixels.flags.writeable = False  # Features that are kept refer to them.
     return Image(pixels, width, height, path)
 
 

@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
 
@@ -38,7 +39,7 @@ class CameraIntrinsics:
 
     def __post_init__(self) -> None:
         values = (self.fx, self.fy, self.cx, self.cy)
-        if not all(math.isfinite(value) for value in values):
+        if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
             raise IntrinsicsError(f"intrinsics must be finite numbers, not {list(values)}")
         if self.fx <= 0 or self.fy <= 0:
             raise IntrinsicsError(f"focal lengths must be positive, not {self.fx} and {self.fy}")
@@ -55,6 +56,11 @@ class Intrinsics:
 
     far: CameraIntrinsics
     near: CameraIntrinsics
+
+    def __post_init__(self) -> None:
+        for camera in (self.far, self.near):
+            if not isinstance(camera, CameraIntrinsics):
+                raise IntrinsicsError(f"a camera is CameraIntrinsics, not {camera!r}")
 
 
 IntrinsicsSource = Intrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
@@ -145,6 +151,8 @@ def _from_mapping(content: Any, name: str) -> Intrinsics:
 
 def _camera(values: Any, name: str) -> CameraIntrinsics:
     try:
+        if isinstance(values, str | bytes):
+            raise TypeError
         fx, fy, cx, cy = (float(value) for value in values)
     except (TypeError, ValueError, OverflowError):
         raise IntrinsicsError(f"{name}: [fx, fy, cx, cy] expected, not {values!r}") from None

@@ -102,7 +102,7 @@ class LandmarkMatches:
     Attributes:
         far_boxes: (M, 4).
         near_boxes: (M, 4).
-        similarity: (M,) cosine of the two descriptors.
+        similarity: (M,) cosine of the two descriptors; of `adaptive` the mean over a template.
     """
 
     far_boxes: Boxes
@@ -119,7 +119,7 @@ NO_LANDMARKS = LandmarkMatches(
 
 
 def match_landmarks(far: Landmarks, near: Landmarks) -> LandmarkMatches:
-    """Mutual nearest neighbours by cosine distance (paper, section III)."""
+    """Mutual nearest neighbours by cosine distance (paper, section III), of a cosine above 0."""
     pairs = mutual_nearest(far.vectors, near.vectors, cosine_similarity)
     similarity = np.array(
         [far.vectors[i].astype(np.float32) @ near.vectors[j].astype(np.float32) for i, j in pairs],

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from cachetools import LRUCache
 
+from nearfar.acceptance import accepted
 from nearfar.arrays import Boxes, Matrix3
 from nearfar.errors import IntrinsicsError, SettingsError
-from nearfar.estimators import MODEL_KINDS, MODEL_NAMES, Estimate, ModelKind, Task, failure
+from nearfar.estimators import MODEL_KINDS, ModelKind, Task
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.pose import RelativePose
 from nearfar.geometry.scale import scale_change
@@ -20,7 +21,7 @@ from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import Answer, Method
 from nearfar.proposals import scaled_boxes
-from nearfar.registry import ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer, Watcher
 
@@ -56,6 +57,8 @@ class Localizer:
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
         PROPOSERS.factory(self.settings.proposer)
+        for name in self.settings.descriptor.split("+"):
+            DESCRIPTORS.factory(name)
         ESTIMATORS.factory(self.settings.estimator)
         self._method = engine or METHODS.create(self.settings.method, self.settings)
         self._stored = None if store is None else store.of(self.settings)
@@ -101,13 +104,11 @@ class Localizer:
         timer = StageTimer(watcher)
         with timer.stage("reading"):
             far_image, near_image = self._read(far), self._read(near)
+        task = _task(kind, known, far_image, near_image, expected)
         answer = self._method.localize(
-            self._extract(far_image, timer),
-            self._extract(near_image, timer),
-            _task(kind, known, far_image, near_image, expected),
-            timer,
+            self._extract(far_image, timer), self._extract(near_image, timer), task, timer
         )
-        return self._localization(kind, answer, far_image, near_image, timer)
+        return self._localization(task, answer, far_image, near_image, timer)
 
     def remember(self, image: Image, features: Any) -> None:
         """Take the features of an image as known, so that they need not be computed.
@@ -141,13 +142,15 @@ class Localizer:
         return features
 
     def _localization(
-        self, kind: ModelKind, answer: Answer, far: Image, near: Image, timer: StageTimer
+        self, task: Task, answer: Answer, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
         """The answer in pixels of the original images."""
+        kind = task.model
         exponent = answer.log10_false_alarms
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
-        estimate = self._accepted(answer, kind, exponent)
+        near_size = near.pixels.shape[1], near.pixels.shape[0]
+        estimate = accepted(answer, task, exponent, near_size, self.settings)
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),
@@ -178,23 +181,6 @@ class Localizer:
             far=far,
             near=near,
         )
-
-    def _accepted(self, answer: Answer, kind: ModelKind, exponent: float) -> Estimate:
-        """The estimate, or a failure where chance may explain it or confidence is too low."""
-        estimate, settings = answer.estimate, self.settings
-        if estimate.far_from_near is None:
-            return estimate
-        reason = (
-            f"the best {MODEL_NAMES[kind]} agrees with {estimate.inliers.sum()} of "
-            f"{len(answer.far)} point matches, "
-        )
-        if exponent > math.log10(settings.max_false_alarms):
-            reason += "which chance may explain (--max-false-alarms)"
-        elif answer.confidence is not None and answer.confidence < settings.min_confidence:
-            reason += f"a confidence of {answer.confidence:.2f} (--min-confidence)"
-        else:
-            return estimate
-        return failure(len(answer.far), estimate.threshold, reason)
 
 
 def localize(
@@ -276,7 +262,10 @@ def _task(
 
 
 def _guess(matrix: Matrix3) -> Matrix3:
-    guess = np.asarray(matrix, np.float64)
+    try:
+        guess = np.asarray(matrix, np.float64)
+    except (TypeError, ValueError):
+        guess = np.empty(0)
     if guess.shape != (3, 3) or not np.isfinite(guess).all() or not np.linalg.det(guess):
         raise SettingsError("expected must hold invertible 3x3 matrices")
     return guess

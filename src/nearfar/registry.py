@@ -42,12 +42,17 @@ class Registry(Generic[T]):
         self._imported = False
 
     def register(self, *names: str) -> Callable[[Factory[T]], Factory[T]]:
-        """Class decorator: make the class available under `names`."""
+        """Class decorator: make the class available under `names`.
+
+        Raises:
+            SettingsError: another class has one of them.
+        """
 
         def decorate(factory: Factory[T]) -> Factory[T]:
             for name in names:
-                if name in self._factories:
-                    raise ValueError(f"two plug-ins want the {self.kind} name {name!r}")
+                known = self._factories.get(name, factory)
+                if _place(known) != _place(factory):  # Else its module, or cell, is run again.
+                    raise SettingsError(f"two plug-ins want the {self.kind} name {name!r}")
                 self._factories[name] = factory
             return factory
 
@@ -87,6 +92,10 @@ class Registry(Generic[T]):
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{self._package}.{module.name}")
         self._imported = True
+
+
+def _place(factory: Factory[Any]) -> tuple[str, str]:
+    return factory.__module__, factory.__qualname__
 
 
 class MethodRegistry(Registry["Method[Any]"]):

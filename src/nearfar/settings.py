@@ -78,7 +78,8 @@ class Settings:
     """Landmarks that go through a network together."""
 
     inlier_threshold: float = 6.0
-    """The same methods: largest reprojection error or epipolar distance of an inlier, in pixels."""
+    """The methods of `estimator`: largest reprojection error or epipolar distance of an inlier, in
+    pixels; the latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac."""
 
     max_false_alarms: float = 1e-10
     """Report a failure where so many models as good as the one found are expected by chance; inf
@@ -100,6 +101,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         self._check_types()
+        object.__setattr__(self, "weights", dict(self.weights))  # The caller may change its own.
         self._check_ranges()
         self._check_adaptive()
 
@@ -163,7 +165,8 @@ class Settings:
             raise SettingsError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
 
     def __hash__(self) -> int:
-        return hash(repr(self))
+        names = (item.name for item in dataclasses.fields(self) if item.name != "weights")
+        return hash((*(getattr(self, name) for name in names), *sorted(self.weights)))
 
     def replace(self, **options: Any) -> "Settings":
         """A copy with some values changed.

@@ -9,7 +9,7 @@ import pytest
 from nearfar.arrays import RGBPixels
 from nearfar.errors import SettingsError, WeightsError
 from nearfar.estimators import MODEL_KINDS, ModelKind, Task
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS, Registry
 from nearfar.settings import Settings
 from nearfar.timing import StageTimer
 from tests.conftest import KnownPair
@@ -119,3 +119,20 @@ def test_method_on_a_few_pixels(name: str, size: tuple[int, int]) -> None:
     features = method.extract(np.zeros((*size, 3), np.uint8), timer)
     answer = method.localize(features, features, Task("homography"), timer)
     assert answer.estimate.far_from_near is None
+
+
+def test_a_module_that_is_run_again_replaces_its_plug_in_and_another_cannot() -> None:
+    registry: Registry[object] = Registry("proposer", "nearfar.proposals")
+
+    def again() -> type:
+        @registry.register("mine")
+        class Mine:
+            def __init__(self, name: str, settings: Settings) -> None: ...
+
+        return Mine
+
+    again()
+    latest = again()
+    assert registry.factory("mine") is latest
+    with pytest.raises(SettingsError, match="'mine'"):
+        registry.register("mine")(object)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 from torch.nn import functional  # noqa: E402
 
 from nearfar.train.losses import (  # noqa: E402
+    TEMPERATURE,
     contrastive_loss,
     counterparts,
     middle,
@@ -72,3 +73,24 @@ def test_templates_are_compared_cell_by_cell() -> None:
 def test_middle_leaves_out_the_border_of_large_views() -> None:
     assert middle(torch.zeros(1, 2, 8, 8)).shape == (1, 2, 8, 8)
     assert middle(torch.zeros(1, 2, 16, 16)).shape == (1, 2, 12, 12)
+
+
+def test_loss_is_the_mean_cross_entropy_both_ways() -> None:
+    near, far = units(30, 16), units(31, 16)[1:]
+    ignored = torch.rand(30, 30, generator=torch.Generator().manual_seed(3)) < 0.2
+    ignored.fill_diagonal_(False)
+    logits = (near @ far.T / TEMPERATURE).masked_fill(ignored, -torch.inf)
+    both = [functional.cross_entropy(each, torch.arange(30)) for each in (logits, logits.T)]
+    torch.testing.assert_close(contrastive_loss(near, far, ignored), sum(both) / 2)
+
+
+def test_cells_of_one_view_that_lie_close_are_no_negatives() -> None:
+    near = units(2, 16, 8, 8)
+    matrix = torch.eye(3).repeat(2, 1, 1)
+    matrix[:, :2] *= 0.2
+    here, _, ignored = counterparts(near, near, matrix, 20, torch.Generator().manual_seed(2))
+    assert len(here) == 40
+    assert torch.equal(ignored, ignored.T)
+    assert ignored.sum() > 40
+    assert not ignored[:20, 20:].any()
+    assert not ignored.diagonal().any()

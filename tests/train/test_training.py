@@ -11,7 +11,14 @@ torch = pytest.importorskip("torch")
 from nearfar.bench.rows import read_rows  # noqa: E402
 from nearfar.errors import SettingsError, TrainingError  # noqa: E402
 from nearfar.train.photographs import Photograph  # noqa: E402
-from nearfar.train.training import CHECKPOINT, LOG, SMALL, Configuration, train  # noqa: E402
+from nearfar.train.training import (  # noqa: E402
+    CHECKPOINT,
+    CONFIGURATION,
+    LOG,
+    SMALL,
+    Configuration,
+    train,
+)
 
 FEW = dataclasses.replace(SMALL, steps=6, every=2)
 
@@ -99,9 +106,20 @@ def test_too_few_photographs(photographs: list[Photograph], tmp_path: Path) -> N
         train(photographs[:1], [], FEW, tmp_path)
 
 
-def test_configuration_is_checked() -> None:
+@pytest.mark.parametrize("name", ["steps", "width", "cells", "held_out", "every"])
+def test_configuration_is_checked(name: str) -> None:
     with pytest.raises(SettingsError):
-        dataclasses.replace(FEW, steps=0)
+        Configuration(**{name: 0})  # type: ignore[arg-type]
+
+
+def test_damaged_folders_are_named(photographs: list[Photograph], tmp_path: Path) -> None:
+    trained(photographs, tmp_path)
+    (tmp_path / CHECKPOINT).write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(TrainingError, match=CHECKPOINT):
+        trained(photographs, tmp_path)
+    (tmp_path / CONFIGURATION).write_bytes(bytes(range(256)))
+    with pytest.raises(TrainingError, match="another configuration"):
+        trained(photographs, tmp_path)
 
 
 def test_without_validation_photographs_there_is_no_recall(

@@ -36,7 +36,7 @@ def descriptor_command(
     Args:
         photographs: Folders of photographs; folders below are searched as well.
         out: Folder for the results.
-        steps: Batches to train on; default: 16,000, with --small 40.
+        steps: Batches to train on; default: 14,000, with --small 40.
         seed: Seed of weights and views.
         small: A small network and small batches, to try the command in a minute.
         jobs: Processes that make batches, beside the one that trains.

@@ -48,7 +48,8 @@ class Estimate:
         far_from_near: homography or fundamental matrix (x_farᵀ F x_near = 0) in pixels of the
             working images, or relative pose; None where nothing was found.
         inliers: (N,) the matches that agree with it.
-        threshold: largest reprojection error or epipolar distance of an inlier, in pixels.
+        threshold: largest reprojection error or epipolar distance of an inlier, in pixels; the
+            latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac.
         reason: why there is no model; None where there is one.
     """
 

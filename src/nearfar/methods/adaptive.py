@@ -312,9 +312,9 @@ def _landmarks(pair: _Pair) -> LandmarkMatches:
     width, height = pair.near.size
     boxes = []
     for hypothesis in pair.sought:
-        corners = transform(hypothesis.far_from_near, outline(width, height))
-        low = np.clip(np.rint(corners.min(axis=0)), 0, np.array(pair.far.size) - 1)
-        high = np.clip(np.rint(corners.max(axis=0)), low + 1, pair.far.size)
+        edges = transform(hypothesis.far_from_near, outline(width, height)) + 0.5
+        low = np.clip(np.rint(edges.min(axis=0)), 0, np.array(pair.far.size) - 1)
+        high = np.clip(np.rint(edges.max(axis=0)), low + 1, pair.far.size)
         boxes.append([*low, *(high - low)])
     far_boxes = np.array(boxes, np.int32).reshape(-1, 4)
     near_boxes = np.tile(np.array([0, 0, width, height], np.int32), (len(boxes), 1))

@@ -24,7 +24,7 @@ def template_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
         far: (N, D, H, W) cells of far views.
         ignored: (N, N) pairs that are neither counterparts nor negatives.
     """
-    return _cross_entropy(template_cosines(near, far) / TEMPLATE_TEMPERATURE, ignored)
+    return _cross_entropy((template_cosines(near, far) - 1) / TEMPLATE_TEMPERATURE, ignored)
 
 
 def template_cosines(near: Tensor, far: Tensor) -> Tensor:
@@ -56,14 +56,22 @@ def contrastive_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
         far: (N, D), counterparts in the same order.
         ignored: (N, N) pairs that are neither counterparts nor negatives.
     """
-    return _cross_entropy(near @ far.T / TEMPERATURE, ignored)
+    least = near.new_full((), -1 / TEMPERATURE)
+    return _cross_entropy(torch.addmm(least, near / TEMPERATURE, far.T), ignored)
 
 
 def _cross_entropy(logits: Tensor, ignored: Tensor) -> Tensor:
-    logits = logits.masked_fill(ignored, -torch.inf)
-    target = torch.arange(len(logits), device=logits.device)
-    found = [functional.cross_entropy(each, target) for each in (logits, logits.T)]
-    return (found[0] + found[1]) / 2
+    """Of finding each row's counterpart, on the diagonal, among its row, and each column's.
+
+    Args:
+        logits: (N, N) of cosines, less their greatest value, so that their exponentials, most of
+            the work, serve both ways; overwritten.
+        ignored: (N, N) pairs that are neither counterparts nor negatives.
+    """
+    right = logits.diagonal().clone()
+    likely = logits.masked_fill_(ignored, -torch.inf).exp()
+    among = (likely.sum(dim=0).log() + likely.sum(dim=1).log()) / 2
+    return (among - right).mean()
 
 
 def counterparts(
@@ -97,7 +105,11 @@ def counterparts(
     )
     here = near[index, :, row, column][inside]
     there = functional.normalize(sampled[..., 0].transpose(1, 2)[inside], dim=-1)
-    which, where = index[inside], place[inside]
-    apart = torch.cdist(where, where)
-    close = (which[:, None] == which) & (apart < 1.5)
-    return here, there, close.fill_diagonal_(False)
+    close = torch.cdist(place, place) < 1.5
+    close.diagonal(dim1=1, dim2=2).fill_(False)
+    close &= inside[:, :, None] & inside[:, None]
+    number = inside.flatten().cumsum(0).view_as(inside) - 1
+    pair, one, other = close.nonzero(as_tuple=True)
+    ignored = torch.zeros(len(here), len(here), dtype=torch.bool, device=near.device)
+    ignored[number[pair, one], number[pair, other]] = True
+    return here, there, ignored

@@ -48,7 +48,7 @@ class Configuration:
         every: steps from one validation and checkpoint to the next.
     """
 
-    steps: int = 16_000
+    steps: int = 14_000
     width: int = 32
     shapes: tuple[BatchShape, ...] = (BatchShape(64, 48, 8), BatchShape(128, 48, 4))
     learning_rate: float = 2e-3
@@ -61,6 +61,9 @@ class Configuration:
     def __post_init__(self) -> None:
         if self.steps < 1 or self.seed < 0:
             raise SettingsError("a training needs at least 1 step and a seed of at least 0")
+        for name in ("width", "cells", "held_out", "every"):
+            if getattr(self, name) < 1:
+                raise SettingsError(f"{name} must be at least 1, not {getattr(self, name)}")
 
 
 FULL = Configuration()
@@ -94,7 +97,7 @@ def train(
     Raises:
         SettingsError: `jobs` is negative.
         TrainingError: there are too few photographs, or `out` holds a training with another
-            configuration or other photographs.
+            configuration or other photographs, or a damaged one.
         OSError: the checkpoint or the log cannot be written; the checkpoint before is kept.
     """
     if jobs < 0:
@@ -200,10 +203,15 @@ class _Training:
         """Read the checkpoint, if there is one; returns the steps that are done."""
         if not file.exists():
             return 0
-        state = torch.load(file, map_location="cpu", weights_only=True)
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        return int(state["step"])
+        try:
+            state = torch.load(file, map_location="cpu", weights_only=True)
+            self.network.load_state_dict(state["network"])
+            self._optimizer.load_state_dict(state["optimizer"])
+            return int(state["step"])
+        except Exception as error:  # A damaged file makes torch raise whatever it likes.
+            raise TrainingError(
+                f"{file} cannot be read ({type(error).__name__}): remove it to start again"
+            ) from error
 
 
 def learning_rate(configuration: Configuration, step: int) -> float:
@@ -225,7 +233,7 @@ def _check_configuration(
     content["validation"] = [photograph.name for photograph in validation]
     text = json.dumps(content, indent=1)
     file = out / CONFIGURATION
-    if file.exists() and file.read_text(encoding="utf-8") != text:
+    if file.exists() and file.read_bytes() != text.encode():
         raise TrainingError(
             f"{out} holds a training with another configuration or other photographs: choose "
             "another folder"

@@ -1,0 +1,67 @@
+"""Which models are answers: those that neither chance explains nor their own matches leave open."""
+
+import math
+
+from nearfar.arrays import Coordinates
+from nearfar.estimators import MODEL_NAMES, Estimate, Task, failure
+from nearfar.geometry.certainty import corner_deviation, has_baseline, largest_deviation
+from nearfar.geometry.homography import footprint
+from nearfar.geometry.pose import RelativePose
+from nearfar.methods import Answer
+from nearfar.settings import Settings
+
+
+def accepted(
+    answer: Answer,
+    task: Task,
+    log10_false_alarms: float,
+    near_size: tuple[int, int],
+    settings: Settings,
+) -> Estimate:
+    """The estimate of a method, or a failure where too little speaks for it.
+
+    Args:
+        answer: of the method.
+        task: what was asked.
+        log10_false_alarms: decimal logarithm of the number of models as good by chance.
+        near_size: width and height of the near working image in pixels.
+        settings: `max_false_alarms` and `min_confidence` are used; where the former is infinite,
+            models that the matches leave open are accepted too.
+    """
+    estimate = answer.estimate
+    if estimate.far_from_near is None:
+        return estimate
+    least = settings.min_confidence
+    if log10_false_alarms > math.log10(settings.max_false_alarms):
+        reason = "which chance may explain (--max-false-alarms)"
+    elif answer.confidence is not None and answer.confidence < least:
+        reason = f"a confidence of {answer.confidence:.2f} (--min-confidence)"
+    elif math.isinf(settings.max_false_alarms):
+        return estimate
+    else:
+        far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
+        left_open = _left_open(estimate, far, near, task, near_size)
+        if left_open is None:
+            return estimate
+        reason = left_open
+    name = MODEL_NAMES[task.model]
+    agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
+    return failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
+
+
+def _left_open(
+    estimate: Estimate, far: Coordinates, near: Coordinates, task: Task, near_size: tuple[int, int]
+) -> str | None:
+    """What the inliers do not determine; None where they determine the model."""
+    model = estimate.far_from_near
+    if isinstance(model, RelativePose):
+        if task.far_intrinsics is None or task.near_intrinsics is None:
+            raise ValueError("a pose needs the intrinsics of both cameras")
+        if not has_baseline(model, far, near, task.far_intrinsics, task.near_intrinsics):
+            return "which a rotation alone explains: no direction follows (try --model homography)"
+    elif model is not None and task.model == "homography":
+        seen = footprint(model, *near_size)
+        deviation = corner_deviation(model, far, near, near_size)
+        if seen is not None and deviation > largest_deviation(seen):
+            return f"which leave its corners open by {deviation:.0f} pixels"
+    return None
