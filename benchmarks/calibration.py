@@ -73,10 +73,13 @@ def left_out(
 
 def report(kind: str, rows: list[Row]) -> None:
     """Print the curve of one kind of model and how it does on scenes left out."""
-    answered = [row for row in rows if row["log10_false_alarms"] is not None]
+    answered = [row for row in rows if row.get("log10_false_alarms") is not None]
     weight = np.array([weight_of_evidence(row["log10_false_alarms"]) for row in answered])
     right = np.array([bool(row["strict"]) for row in answered])
     scenes = np.array([scene(row) for row in answered])
+    if len(np.unique(scenes)) < FOLDS or right.all() or not right.any():
+        print(f"{kind}: a curve needs right and wrong answers, and {FOLDS} scenes or more")
+        return
     offset, slope = fit(weight, right)
     confidence = left_out(weight, right, scenes)
     print(f"{kind}: {len(rows)} rows, {len(answered)} answered, {len(np.unique(scenes))} scenes")
@@ -95,7 +98,10 @@ def main() -> None:
     parser.add_argument("--unrelated", type=Path)
     arguments = parser.parse_args()
     rows = [json.loads(line) for file in arguments.rows for line in file.read_text().splitlines()]
-    rows = [row for row in rows if row["method"] == "adaptive"]
+    latest = {(row["case"], row["settings"]): row for row in rows if row["method"] == "adaptive"}
+    rows = list(latest.values())
+    if len({row["case"] for row in rows}) < len(rows):
+        parser.error("several settings of one case: give the rows of one run with one setting")
     if arguments.unrelated:
         for line in arguments.unrelated.read_text().splitlines():
             row = json.loads(line)

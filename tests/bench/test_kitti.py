@@ -82,6 +82,34 @@ def test_no_other_camera_stands_in_for_a_missing_one(tmp_path: Path) -> None:
         find_kitti_cases(tmp_path)
 
 
+def test_poses_are_those_of_the_colour_camera_beside_the_first(tmp_path: Path) -> None:
+    """The pose files hold those of camera 0; while the car turns, camera 2 moves otherwise."""
+    write_sequence(tmp_path, (0, 10))
+    sequence = tmp_path / "sequences" / "07"
+    (sequence / "image_0").rename(sequence / "image_2")
+    (sequence / "image_3").mkdir()
+    PillowImage.new("L", (8, 6)).save(sequence / "image_3" / "000000.png")
+    (sequence / "calib.txt").write_text(
+        "P0: 700 0 4 0 0 700 3 0 0 0 1 0\n"
+        "P2: 700 0 4 42.008 0 700 3 0.006 0 0 1 0.002\n"
+        "P3: 700 0 4 -335.992 0 700 3 0.006 0 0 1 0.002\n"
+    )
+    turn = Rotation.from_euler("y", 30, degrees=True)
+    poses = straight_drive(21)
+    poses[10, :3, :3] = turn.as_matrix()
+    np.savetxt(tmp_path / "poses" / "07.txt", poses[:, :3].reshape(21, 12))
+    (case,) = find_kitti_cases(tmp_path)
+    assert case.pose is not None
+    # Camera 2 lies 6 cm to the left of camera 0: what that sees at x, it sees at x + 0.06.
+    offset = np.array([0.06, 0, 0.002])
+    seen_by_near = np.array([[1.0, 2, 9], [-3, 1, 20], [0, 0, 5]])
+    seen_by_far = turn.apply(seen_by_near - offset) + offset + np.array([0, 0, 10])
+    found = seen_by_near @ case.pose.rotation.T + case.pose.translation
+    np.testing.assert_allclose(found, seen_by_far, atol=1e-9)
+    assert case.stereo is not None
+    assert case.stereo.baseline == pytest.approx(0.54)
+
+
 def test_counts_of_the_real_poses(extra_data: Path) -> None:
     """All pairs within 45 degrees about each axis, and those with ten successors."""
     within, full = 0, 0

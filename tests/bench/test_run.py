@@ -75,6 +75,20 @@ def test_a_run_resumes_after_a_cut_line(folder: Path, tmp_path: Path) -> None:
     assert file.read_bytes() == unchanged
 
 
+def test_what_went_wrong_is_tried_again(
+    folder: Path, tmp_path: Path, known_pair: KnownPair
+) -> None:
+    file = tmp_path / "rows.jsonl"
+    cases = find_pairs(folder)
+    before = run(cases, [SIFT], file)
+    PillowImage.fromarray(known_pair.near).save(folder / "unreadable" / "near.png")
+    after = run(cases, [SIFT], file)
+    assert [row["status"] for row in before] == ["localized", "localized", "error"]
+    assert [row["status"] for row in after] == ["localized"] * 3
+    assert after[:2] == before[:2]
+    assert read_rows(file) == [*before, after[2]]
+
+
 def without_seconds(rows: list[dict[str, object]]) -> list[dict[str, object]]:
     return [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
 

@@ -90,6 +90,7 @@ def test_usage_errors(kitti: Path, tmp_path: Path) -> None:
     assert_bad_input(nearfar("bench", "kitti", kitti, "--out", out, "--method", "x"), "method")
     assert_bad_input(nearfar("bench", "kitti", kitti, "--out", out, "--jobs", "0"), "jobs")
     assert_bad_input(nearfar("bench", "kitti", kitti, "--out", out, "--sequence", "99"), "no pairs")
+    assert_bad_input(nearfar("bench", "kitti", kitti, "--count-only", "--sequence", "00"), "all")
     assert_bad_input(nearfar("bench", "kitti", kitti, "--out", out, "--sample", "-1"), "sample")
     sweep = ("bench", "sweep", "--kitti", kitti, "--out", out)
     assert_bad_input(nearfar(*sweep, "--first", "-1"), "first")

@@ -119,12 +119,15 @@ def run_landmarks(
         for case in cases
     ]
     rows = {_identity(row): row for row in read_rows(file)}
-    todo = [task for task in wanted if task.identity not in rows]
+    done = {identity for identity, row in rows.items() if row["status"] != "error"}
+    todo = [task for task in wanted if task.identity not in done]
     with RowFile(file) as out:
         record_run(file.parent, finer)
         for row in _with_progress((workers or Workers()).run(landmark_row, todo, _died), len(todo)):
-            out.append(row)
-            rows[_identity(row)] = row
+            identity = _identity(row)
+            if identity not in rows or row["status"] != "error":  # Else it went wrong before, too.
+                out.append(row)
+                rows[identity] = row
     return [rows[task.identity] for task in wanted]
 
 

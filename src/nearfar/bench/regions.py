@@ -11,7 +11,7 @@ from nearfar.bench.cases import Case
 from nearfar.bench.overlap import bounding_edges, box_area
 from nearfar.geometry.homography import outline, transform, translation
 from nearfar.image import Image, reduced_size
-from nearfar.proposals import Proposer, canonical, scaled_boxes
+from nearfar.proposals import Proposer, canonical
 
 LEVELS = (1.0, 0.5, 0.25)
 """Scales of the pyramid in which regions are proposed."""
@@ -40,8 +40,11 @@ def proposed_at_scales(pixels: RGBPixels, proposer: Proposer, max_size: int) -> 
     for scale in LEVELS:
         size = max(1, round(largest[0] * scale)), max(1, round(largest[1] * scale))
         level = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+        factor = np.array([width, height]) / size
         boxes = proposer.propose(np.asarray(level, np.uint8))
-        found.append(scaled_boxes(boxes, size, (width, height)))
+        start = np.rint(boxes[:, :2] * factor)
+        end = np.rint((boxes[:, :2] + boxes[:, 2:]) * factor)
+        found.append(np.hstack([start, end - start]).astype(np.int32))
     return canonical(np.vstack(found))
 
 

@@ -54,6 +54,8 @@ def run(
 ) -> list[Row]:
     """Localize every case with every setting, skipping what the result file holds already.
 
+    Errors are tried again; of several rows of a case and setting the last counts.
+
     A case that raises an error, or kills its worker, is recorded with the reason, and the run goes
     on. Results are the same for any number of workers, times aside.
 
@@ -74,18 +76,21 @@ def run(
     """
     meter = Meter()
     rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
+    done = {key for key, row in rows.items() if row["status"] != "error"}
     wanted = []
     for each in settings:
         key, descriptor = settings_key(each), Localizer(each).descriptor
         wanted += [Task(case, each, key, descriptor, features) for case in cases]
-    todo = [task for task in wanted if (task.case.name, task.key) not in rows]
+    todo = [task for task in wanted if (task.case.name, task.key) not in done]
     meter.skipped = len(wanted) - len(todo)
     logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
     with row_file(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, settings)
         for row in (workers or Workers()).run(localize_case, todo, _died, meter):
-            out.append(row)
-            rows[row["case"], row["settings"]] = row
+            identity = row["case"], row["settings"]
+            if identity not in rows or row["status"] != "error":  # Else it went wrong before, too.
+                out.append(row)
+                rows[identity] = row
             meter.failed += row["status"] == "error"
             show(meter.done, len(todo))
     metrics = meter.metrics()

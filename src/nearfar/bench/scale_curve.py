@@ -53,15 +53,16 @@ def base_pairs(pairs: Iterable[Case], sets: Sequence[str] = ()) -> list[Case]:
     """The pairs with a homography and a known scale change, of the given sets (all if empty).
 
     Raises:
-        BenchmarkError: there are none.
+        BenchmarkError: there are none, or none of one of the sets.
     """
     found = [
         pair
         for pair in pairs
         if pair.model == "homography" and pair.scale_change and (not sets or pair.group in sets)
     ]
-    if not found:
-        of_sets = f" of the sets {', '.join(sets)}" if sets else ""
+    missing = sorted(set(sets) - {pair.group for pair in found})
+    if not found or missing:
+        of_sets = f" of the sets {', '.join(missing)}" if missing else ""
         raise BenchmarkError(f"there are no pairs with a homography{of_sets}")
     return found
 

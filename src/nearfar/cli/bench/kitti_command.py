@@ -39,6 +39,8 @@ def kitti_command(
         sequence: Use only this sequence, e.g. 00; may be repeated.
     """
     console = Console(emoji=False, highlight=False, soft_wrap=True)
+    if count_only and sequence:
+        raise SettingsError("--count-only counts the pairs of all sequences: leave out --sequence")
     if count_only:
         console.print(_counts(count_pairs(folder)), markup=False)
         return
@@ -49,8 +51,9 @@ def kitti_command(
         for case in find_kitti_cases(folder)
         if not sequence or case.tags["sequence"] in sequence
     ]
-    if not cases:
-        raise BenchmarkError(f"{folder} has no pairs of the sequences {', '.join(sequence)}")
+    found = {case.tags["sequence"] for case in cases}
+    if missing := sorted(set(sequence) - found):
+        raise BenchmarkError(f"{folder} has no pairs of the sequences {', '.join(missing)}")
     rows = run_cases(cases, options, settings, "kitti")
     titles = {
         "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
