@@ -33,3 +33,10 @@ def test_risk_falls_as_more_is_refused() -> None:
         "0.00 at 0.17",
     ]
     assert "no answer at 0.00" in risk_table(rows[3:])
+
+
+def test_limits_above_that_of_the_runs_are_left_out() -> None:
+    """What such a run refused is a failure in its rows, whatever limit the table asks about."""
+    rows = [{"method": "sift", "descriptor": None, "status": "failed", "strict": False}]
+    limits = [line.split("|")[1].strip() for line in risk_table(rows, 1e-20).splitlines()[2:]]
+    assert limits == ["1e-20", "1e-50", "1e-100"]

@@ -97,6 +97,24 @@ def test_usage_errors(kitti: Path, tmp_path: Path) -> None:
     assert_bad_input(nearfar(*sweep, "--disk-gigabytes", "nan"), "disk-gigabytes")
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["kitti", "KITTI", "--out", "OUT", "--features", "s3://bucket/features"],
+        ["landmarks", "KITTI", "--out", "s3://bucket/out"],
+        ["sweep", "--kitti", "KITTI", "--out", "s3://bucket/out"],
+    ],
+)
+def test_what_needs_a_disk_refuses_a_url(
+    kitti: Path, tmp_path: Path, arguments: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folders = {"KITTI": str(kitti), "OUT": str(tmp_path / "out")}
+    result = nearfar("bench", *(folders.get(each, each) for each in arguments))
+    assert_bad_input(result, "a folder on a disk")
+    assert not (tmp_path / "s3:").exists()
+
+
 def test_what_is_named_twice_is_compared_once(tmp_path: Path) -> None:
     options = _RunOptions(out=tmp_path, method=("sift", "paper", "sift"), descriptor=("hog", "hog"))
     found = [(each.method, each.descriptor) for each in variants(DEFAULTS, options)]

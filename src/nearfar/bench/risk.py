@@ -10,15 +10,16 @@ LIMITS = (float("inf"), 1.0, 1e-10, 1e-20, 1e-50, 1e-100)
 """Values of `max_false_alarms`; the first accepts every model."""
 
 
-def risk_table(rows: Sequence[Row]) -> str:
+def risk_table(rows: Sequence[Row], largest: float = math.inf) -> str:
     """Markdown: per method and limit the share of wrong answers and the share of pairs answered.
 
     Args:
-        rows: results of runs that accepted every model.
+        rows: results.
+        largest: limit of the runs that gave them; larger ones are left out.
     """
     methods = distinct(method_name(row) for row in rows)
     lines = []
-    for limit in LIMITS:
+    for limit in (each for each in LIMITS if each <= largest):
         cells = []
         for method in methods:
             own = [row for row in rows if method_name(row) == method]

@@ -59,7 +59,9 @@ def kitti_command(
         "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
         "Share within 5 degrees": step_table(rows),
         "Fits of the group means, a + b ln(metres)": fit_table(rows),
-        "Wrong among the answers, at the share of pairs answered": risk_table(rows),
+        "Wrong among the answers, at the share of pairs answered": risk_table(
+            rows, settings.max_false_alarms
+        ),
         "Median seconds by stage, where it ran": time_table(rows),
     }
     for title, table in titles.items():

@@ -19,8 +19,8 @@ from nearfar.bench.landmarks import SEARCHES, Search, has_feature_maps, run_land
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.rows import Row
 from nearfar.bench.scale_curve import base_pairs
-from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
-from nearfar.cli.options import DEFAULT_WORK, WeightOptions, WorkOptions, with_weights
+from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
+from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import SettingsError
 from nearfar.extras import require
 from nearfar.settings import Settings
@@ -36,7 +36,7 @@ def landmarks_command(
     folder: Path,
     /,
     *,
-    out: Path,
+    out: Place,
     descriptor: _Names = (),
     baseline: str | None = None,
     search: Annotated[
@@ -71,6 +71,7 @@ def landmarks_command(
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     require("bench", "matplotlib")
+    results = on_disk(out)
     common = with_weights(settings, weights)
     names = list(dict.fromkeys(descriptor or [settings.descriptor]))
     if baseline is not None and baseline not in names:
@@ -83,12 +84,12 @@ def landmarks_command(
     rows = run_landmarks(
         sampled(base_pairs(find_pairs(folder), sets), sample, common.seed),
         variants,
-        out / "landmarks.jsonl",
+        results / "landmarks.jsonl",
         regions={each: counts[each] for each in searches},
         workers=work.begin(),
     )
     for each in searches:
-        _report(each, tallies(rows, each), baseline, out, common.seed)
+        _report(each, tallies(rows, each), baseline, results, common.seed)
     _print_remarks(rows, variants if "dense" in searches else [])
 
 

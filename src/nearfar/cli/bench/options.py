@@ -16,7 +16,7 @@ from nearfar.errors import SettingsError
 from nearfar.extras import require
 from nearfar.registry import METHODS
 from nearfar.settings import Settings
-from nearfar.storage import Url
+from nearfar.storage import Location, Url
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ class _RunOptions(Workplace):
     sample: int = 0
     """Use only so many cases, drawn with the seed of the settings; 0: all."""
 
-    features: Path | None = None
+    features: Place | None = None
     """Folder that keeps the features of images between processes and runs; default OUT/features,
     where OUT is no URL."""
 
@@ -71,9 +71,18 @@ class _RunOptions(Workplace):
         Raises:
             SettingsError: it is a URL.
         """
-        if isinstance(self.out, Url):
-            raise SettingsError("the images made here need a folder on a disk as --out, not a URL")
-        return self.out
+        return on_disk(self.out)
+
+
+def on_disk(out: Location) -> Path:
+    """A folder that programs can open.
+
+    Raises:
+        SettingsError: it is a URL.
+    """
+    if isinstance(out, Url):
+        raise SettingsError(f"this needs a folder on a disk for its files, not {out}")
+    return out
 
 
 RunOptions = Annotated[_RunOptions, Parameter(name="*", group="Run")]
@@ -93,7 +102,7 @@ def run_cases(cases: list[Case], options: _RunOptions, settings: Settings, name:
         variants(settings, options),
         options.out / f"{name}.jsonl",
         workers=workers,
-        features=options.features or local,
+        features=local if options.features is None else on_disk(options.features),
     )
 
 

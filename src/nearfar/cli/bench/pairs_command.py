@@ -45,7 +45,9 @@ def pairs_command(
         "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (
             table_three(rows)
         ),
-        "Wrong (strict) among the answers, at the share of pairs answered": risk_table(rows),
+        "Wrong (strict) among the answers, at the share of pairs answered": risk_table(
+            rows, settings.max_false_alarms
+        ),
         "Median seconds by stage, where it ran": time_table(rows),
     }
     for title, table in titles.items():

@@ -10,8 +10,8 @@ from rich.console import Console
 from nearfar.bench.kitti import find_kitti_cases
 from nearfar.bench.pair_folders import find_pairs
 from nearfar.bench.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
-from nearfar.cli.bench.options import DEFAULTS, BenchSettings, sampled
-from nearfar.cli.options import DEFAULT_WORK, WeightOptions, WorkOptions, with_weights
+from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
+from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import BenchmarkError, SettingsError
 
 _Several = Parameter(negative="", consume_multiple=True, show_default=False)
@@ -19,7 +19,7 @@ _Several = Parameter(negative="", consume_multiple=True, show_default=False)
 
 def sweep_command(
     *,
-    out: Path,
+    out: Place,
     pairs: Path | None = None,
     kitti: Path | None = None,
     network: Literal["resnet50", "squeezenet"] = "resnet50",
@@ -61,7 +61,7 @@ def sweep_command(
         raise SettingsError(f"--first must be at least 0, not {first}")
     if not 0 <= disk_gigabytes < math.inf:
         raise SettingsError(f"--disk-gigabytes must be 0 or more and finite, not {disk_gigabytes}")
-    common = with_weights(settings, weights)
+    common, folder = with_weights(settings, weights), on_disk(out)
     grid = Grid(network, layers, sizes, sums)
     benchmarks = {}
     if pairs is not None:
@@ -71,8 +71,8 @@ def sweep_command(
         benchmarks["sweep_kitti"] = sampled(cases, sample, common.seed)
     workers, disk_bytes, results = work.begin(), int(disk_gigabytes * 1e9), []
     for name, cases in benchmarks.items():
-        file = out / f"{name}.jsonl"
+        file = folder / f"{name}.jsonl"
         results += run_sweep(cases, grid, common, file, disk_bytes=disk_bytes, workers=workers)
-    write_summary(results, out)
+    write_summary(results, folder)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     console.print("Strict successes / pairs:\n\n" + sweep_table(grid, results), markup=False)
