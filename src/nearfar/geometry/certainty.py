@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.geometry.epipolar import fundamental_from_pose
@@ -96,7 +95,7 @@ def has_baseline(
     parallax = np.ones(len(far))
     for _ in range(ROUNDS):  # Wrong matches on the right epipolar line must not turn it.
         weights = 1 / np.maximum(parallax, SMALL_PX)
-        rotation = Rotation.align_vectors(far_rays, near_rays, weights)[0].as_matrix()
+        rotation = _rotation(far_rays, near_rays, weights)
         turned = transform(far_intrinsics @ rotation @ near_from_pixel, near)
         parallax = np.linalg.norm(far - turned, axis=1)
     fundamental = fundamental_from_pose(pose, far_intrinsics, near_intrinsics)
@@ -109,3 +108,11 @@ def has_baseline(
 def _rays(xy: Coordinates, intrinsics: Matrix3) -> NDArray[np.float64]:
     rays = np.column_stack([xy, np.ones(len(xy))]) @ np.linalg.inv(intrinsics).T
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def _rotation(
+    far: NDArray[np.float64], near: NDArray[np.float64], weights: NDArray[np.float64]
+) -> Matrix3:
+    """The rotation that takes near rays closest to far ones (Kabsch, 1976)."""
+    left, _, right = np.linalg.svd(far.T @ (weights[:, np.newaxis] * near))
+    return np.asarray(left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right)
