@@ -17,6 +17,8 @@ def accepted(
     log10_false_alarms: float,
     near_size: tuple[int, int],
     settings: Settings,
+    *,
+    same_place: bool = False,
 ) -> Estimate:
     """The estimate of a method, or a failure where too little speaks for it.
 
@@ -27,6 +29,7 @@ def accepted(
         near_size: width and height of the near working image in pixels.
         settings: `max_false_alarms` and `min_confidence` are used; where the former is infinite,
             models that the matches leave open are accepted too.
+        same_place: accept poses between cameras at one place.
     """
     estimate = answer.estimate
     if estimate.far_from_near is None:
@@ -36,7 +39,7 @@ def accepted(
         reason = "which chance may explain (--max-false-alarms)"
     elif answer.confidence is not None and answer.confidence < least:
         reason = f"a confidence of {answer.confidence:.2f} (--min-confidence)"
-    elif math.isinf(settings.max_false_alarms):
+    elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
         return estimate
     else:
         far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]

@@ -39,6 +39,7 @@ class Localizer:
         cache_bytes: memory for the features of the images used last.
         store: features on disk, where those not in memory are looked up and kept.
         engine: the method itself, where it is not to be made from the settings.
+        same_place: accept poses between cameras at one place, whose direction means nothing.
         **options: settings to change, by name.
 
     Raises:
@@ -53,6 +54,7 @@ class Localizer:
         cache_bytes: int = 10**9,
         store: "FeatureStore | None" = None,
         engine: Method[Any] | None = None,
+        same_place: bool = False,
         **options: Any,
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
@@ -60,6 +62,7 @@ class Localizer:
         for name in self.settings.descriptor.split("+"):
             DESCRIPTORS.factory(name)
         ESTIMATORS.factory(self.settings.estimator)
+        self._same_place = same_place
         self._method = engine or METHODS.create(self.settings.method, self.settings)
         self._stored = None if store is None else store.of(self.settings)
         self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)
@@ -150,7 +153,9 @@ class Localizer:
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
         near_size = near.pixels.shape[1], near.pixels.shape[0]
-        estimate = accepted(answer, task, exponent, near_size, self.settings)
+        estimate = accepted(
+            answer, task, exponent, near_size, self.settings, same_place=self._same_place
+        )
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),

@@ -67,7 +67,7 @@ class MapLocator:
         self._store = store
         self._settings = settings
         self._describer = LandmarkDescriber(settings)
-        self._localizer = Localizer(settings, cache_bytes=CACHED)
+        self._localizer = Localizer(settings, cache_bytes=CACHED, same_place=True)
         self._images = {image.id: image for image in store.images() if image.usable}
         self._views = ViewStore(store.folder)
 
