@@ -76,4 +76,4 @@ def test_a_camera_that_only_turned_and_zoomed_has_no_pose(
     kept = nearfar.Localizer(method=method, same_place=True).localize(far, near, intrinsics=known)
     assert isinstance(kept.far_from_near, nearfar.RelativePose)
     angle = Rotation.from_matrix(kept.far_from_near.rotation).magnitude()
-    assert np.degrees(angle) == pytest.approx(degrees, abs=0.5)
+    assert np.degrees(angle) == pytest.approx(degrees, abs=3)
