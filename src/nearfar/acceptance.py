@@ -1,10 +1,16 @@
 """Which models are answers: those that neither chance explains nor their own matches leave open."""
 
+import dataclasses
 import math
 
 from nearfar.arrays import Coordinates
 from nearfar.estimators import MODEL_NAMES, Estimate, Task, failure
-from nearfar.geometry.certainty import corner_deviation, has_baseline, largest_deviation
+from nearfar.geometry.certainty import (
+    LEAST_PARALLAX,
+    corner_deviation,
+    largest_deviation,
+    relative_parallax,
+)
 from nearfar.geometry.homography import footprint
 from nearfar.geometry.pose import RelativePose
 from nearfar.methods import Answer
@@ -19,8 +25,8 @@ def accepted(
     settings: Settings,
     *,
     same_place: bool = False,
-) -> Estimate:
-    """The estimate of a method, or a failure where too little speaks for it.
+) -> Answer:
+    """The answer of a method, or a failure where too little speaks for it.
 
     Args:
         answer: of the method.
@@ -33,23 +39,25 @@ def accepted(
     """
     estimate = answer.estimate
     if estimate.far_from_near is None:
-        return estimate
-    least = settings.min_confidence
+        return answer
+    confidence = answer.confidence
     if log10_false_alarms > math.log10(settings.max_false_alarms):
         reason = "which chance may explain (--max-false-alarms)"
-    elif answer.confidence is not None and answer.confidence < least:
-        reason = f"a confidence of {answer.confidence:.2f} (--min-confidence)"
+    elif confidence is not None and confidence < settings.min_confidence:
+        reason = f"a confidence of {confidence:.2f} (--min-confidence)"
     elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
-        return estimate
+        return answer
     else:
         far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
         left_open = _left_open(estimate, far, near, task, near_size)
         if left_open is None:
-            return estimate
+            return answer
         reason = left_open
+        confidence = None if confidence is None else 0.0  # Evidence, but for more than one answer.
     name = MODEL_NAMES[task.model]
     agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
-    return failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
+    failed = failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
+    return dataclasses.replace(answer, estimate=failed, confidence=confidence)
 
 
 def _left_open(
@@ -58,9 +66,7 @@ def _left_open(
     """What the inliers do not determine; None where they determine the model."""
     model = estimate.far_from_near
     if isinstance(model, RelativePose):
-        if task.far_intrinsics is None or task.near_intrinsics is None:
-            raise ValueError("a pose needs the intrinsics of both cameras")
-        if not has_baseline(model, far, near, task.far_intrinsics, task.near_intrinsics):
+        if relative_parallax(model, far, near, *task.cameras) < LEAST_PARALLAX:
             return "which a rotation alone explains: no direction follows (try --model homography)"
     elif model is not None and task.model == "homography":
         seen = footprint(model, *near_size)

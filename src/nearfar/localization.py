@@ -13,6 +13,7 @@ from nearfar.estimators import ModelKind
 from nearfar.geometry.pose import RelativePose
 from nearfar.image import Image
 from nearfar.landmarks import LandmarkMatches
+from nearfar.storage import replaced
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,8 @@ class Localization:
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         report = folder / "localization.json"
-        report.write_text(self.to_json() + "\n", encoding="utf-8")
+        with replaced(report) as out:
+            out.write_text(self.to_json() + "\n", encoding="utf-8")
         return [report, *pictures.save_all(self, folder)]
 
     def _model_as_dict(self) -> dict[str, Any] | None:

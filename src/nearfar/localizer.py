@@ -153,9 +153,10 @@ class Localizer:
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
         near_size = near.pixels.shape[1], near.pixels.shape[0]
-        estimate = accepted(
+        answer = accepted(
             answer, task, exponent, near_size, self.settings, same_place=self._same_place
         )
+        estimate = answer.estimate
         model = _in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from nearfar.arrays import Coordinates
-from nearfar.geometry.certainty import corner_deviation, has_baseline, largest_deviation
+from nearfar.geometry.certainty import (
+    LEAST_PARALLAX,
+    corner_deviation,
+    largest_deviation,
+    relative_parallax,
+)
 from nearfar.geometry.homography import outline, scaling, transform
 from tests.scenes import SIZE, TwoViews, random_homography, two_views
 
@@ -72,7 +77,8 @@ def test_the_largest_deviation_is_a_tenth_of_the_diagonal_but_at_least_3_pixels(
 
 def baseline(views: TwoViews, far: Coordinates) -> bool:
     cameras = views.far_intrinsics, views.near_intrinsics
-    return has_baseline(views.pose, far, views.near[: views.right], *cameras)
+    ratio = relative_parallax(views.pose, far, views.near[: views.right], *cameras)
+    return ratio > LEAST_PARALLAX
 
 
 @given(seeds)

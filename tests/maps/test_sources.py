@@ -1,4 +1,5 @@
 import itertools
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -104,3 +105,10 @@ def test_files_and_folders(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(MapError, match="no images"):
         image_files([tmp_path / "empty"])
+
+
+def test_a_named_pipe_in_a_folder_is_left_out(tmp_path: Path) -> None:
+    """Reading one waits for a writer, for ever."""
+    os.mkfifo(tmp_path / "pipe.jpg")
+    write(tmp_path / "a.png", np.zeros((8, 9, 3), np.uint8))
+    assert [Path(str(each)).name for each in image_files([tmp_path])] == ["a.png"]

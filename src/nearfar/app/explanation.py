@@ -29,6 +29,17 @@ def explanation(found: Localization, settings: Settings) -> str | None:
             "A few spots of the two images agree on a place, but so few that it may be chance. The "
             "near image may not lie in the far one, or be shown too small there."
         )
+    if found.reason is not None and "a rotation alone explains" in found.reason:
+        return (
+            "The camera only turned or zoomed between the two images, so that they do not tell a "
+            "direction from one to the other. Ask for a homography: it is exact there."
+        )
+    if found.reason is not None and "leave its corners open" in found.reason:
+        return (
+            "Spots of the two images agree on a place, but they lie on one line or close together, "
+            "so that size and tilt of the near image remain open. A near image that shows more "
+            "texture beside them may help."
+        )
     return (
         f"Of {matches:,} spots that look alike in the two images, no group agrees on one place. "
         "The near image may not lie in the far one, be too small there, or show the scene from "

@@ -39,6 +39,17 @@ class Task:
     near_intrinsics: Matrix3 | None = None
     expected: tuple[Matrix3, ...] = ()
 
+    @property
+    def cameras(self) -> tuple[Matrix3, Matrix3]:
+        """Calibration matrices of the far and the near camera, for a pose.
+
+        Raises:
+            ValueError: one is missing.
+        """
+        if self.far_intrinsics is None or self.near_intrinsics is None:
+            raise ValueError("a pose needs the intrinsics of both cameras")
+        return self.far_intrinsics, self.near_intrinsics
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:

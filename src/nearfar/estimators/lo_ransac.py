@@ -72,10 +72,9 @@ def _fit_pose(
     far: Coordinates, near: Coordinates, options: dict[str, float], task: Task
 ) -> tuple[RelativePose, Mask] | None:
     """PoseLib's pose takes coordinates of its first camera, here the near one, to its second."""
-    if task.far_intrinsics is None or task.near_intrinsics is None:
-        raise ValueError("a pose needs the intrinsics of both cameras")
+    far_intrinsics, near_intrinsics = task.cameras
     pose, info = poselib.estimate_relative_pose(
-        near, far, _camera(task.near_intrinsics), _camera(task.far_intrinsics), options
+        near, far, _camera(near_intrinsics), _camera(far_intrinsics), options
     )
     inliers = np.asarray(info["inliers"], np.bool_)
     rotation, translation = np.asarray(pose.R), np.asarray(pose.t)

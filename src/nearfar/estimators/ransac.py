@@ -81,10 +81,9 @@ def _fit_fundamental(
 def _fit_pose(
     far: Coordinates, near: Coordinates, threshold: float, task: Task
 ) -> tuple[RelativePose, Mask] | None:
-    if task.far_intrinsics is None or task.near_intrinsics is None:
-        raise ValueError("a pose needs the intrinsics of both cameras")
-    far_rays, far_focal = _normalized_rays(far, task.far_intrinsics)
-    near_rays, near_focal = _normalized_rays(near, task.near_intrinsics)
+    far_intrinsics, near_intrinsics = task.cameras
+    far_rays, far_focal = _normalized_rays(far, far_intrinsics)
+    near_rays, near_focal = _normalized_rays(near, near_intrinsics)
     essential, mask = cv2.findEssentialMat(
         near_rays,
         far_rays,

@@ -11,17 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from nearfar.arrays import Matrix3
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.exports.indexed import indexed
 from nearfar.exports.subject import ImageNames
 from nearfar.extras import require
+from nearfar.geometry.epipolar import essential_from_pose
 from nearfar.geometry.homography import translation
 from nearfar.geometry.pose import RelativePose
 from nearfar.image import Image
 from nearfar.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
 from nearfar.settings import Settings
+from nearfar.storage import replaced
 
 _GUESSED_FOCAL_LENGTH = 1.2
 """Of an unknown camera, in longest sides of its image; COLMAP's own default."""
@@ -58,11 +59,11 @@ class ColmapExporter(Exporter):
                 "a COLMAP database of a pose needs the intrinsics that it was found with: give "
                 "them again (intrinsics=)"
             )
-        _remove_own(path, names)
+        _check_own(path, names)
         known = subject.intrinsics
         far_camera, near_camera = (None, None) if known is None else (known.far, known.near)
         matches = indexed(found.points)
-        with pycolmap.Database.open(str(path)) as database:
+        with replaced(path) as out, pycolmap.Database.open(str(out)) as database:
             near = _write_image(database, names.near, found.near, near_camera)
             far = _write_image(database, names.far, found.far, far_camera)
             database.write_keypoints(near, matches.near + np.float32(COLMAP_PIXEL_CENTRE))
@@ -75,8 +76,8 @@ class ColmapExporter(Exporter):
         return [path]
 
 
-def _remove_own(path: Path, names: ImageNames) -> None:
-    """Make room for a new database, unless there is one of other images."""
+def _check_own(path: Path, names: ImageNames) -> None:
+    """Refuse to replace a database of other images."""
     if not path.exists():
         return
     try:
@@ -87,7 +88,6 @@ def _remove_own(path: Path, names: ImageNames) -> None:
         raise ExportError(f"{path} is no COLMAP database: remove it first") from error
     if there - {names.far, names.near}:
         raise ExportError(f"{path} is a COLMAP database of other images: give another path")
-    path.unlink()
 
 
 def _write_image(database: Any, name: str, image: Image, known: CameraIntrinsics | None) -> int:
@@ -127,7 +127,7 @@ def _two_view_geometry(subject: Subject) -> Any:
     geometry = pycolmap.TwoViewGeometry()
     if isinstance(found, RelativePose):
         geometry.config = kinds.CALIBRATED
-        geometry.E = _essential(found)
+        geometry.E = essential_from_pose(found)
         rotation = pycolmap.Rotation3d(found.rotation)
         geometry.cam2_from_cam1 = pycolmap.Rigid3d(rotation, found.translation)
     elif subject.localization.model == "homography":
@@ -137,10 +137,3 @@ def _two_view_geometry(subject: Subject) -> Any:
         geometry.config = kinds.UNCALIBRATED
         geometry.F = _PIXEL_FROM_COLMAP.T @ np.asarray(found) @ _PIXEL_FROM_COLMAP
     return geometry
-
-
-def _essential(pose: RelativePose) -> Matrix3:
-    """The matrix E with x_farᵀ E x_near = 0."""
-    x, y, z = pose.translation
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(cross @ pose.rotation)

@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 from nearfar.exports import EXPORTERS, Exporter, Subject
+from nearfar.storage import replaced
 
 
 @EXPORTERS.register("csv")
@@ -15,7 +16,7 @@ class CsvExporter(Exporter):
     def write(self, subject: Subject, path: Path) -> list[Path]:
         """See `Exporter.write`."""
         points = subject.localization.points
-        with path.open("w", newline="", encoding="utf-8") as file:
+        with replaced(path) as out, out.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
             table.writerow(["far_x", "far_y", "near_x", "near_y", "inlier"])
             for far, near, inlier in zip(points.far, points.near, points.inliers, strict=True):

@@ -13,6 +13,7 @@ from nearfar.image import Image
 from nearfar.localization import Localization
 from nearfar.pictures.draw import AGREEING, MARK, Colour, spread
 from nearfar.settings import Settings
+from nearfar.storage import replaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,9 +50,9 @@ class FigureExporter(Exporter):
             )
         style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "nearfar", "font.size": 8}
         metadata = {"Date": None} if self.name == "svg" else {}
-        with rc_context(style):
+        with rc_context(style), replaced(path) as out:
             figure = _figure(found)
-            figure.savefig(path, format=self.name, dpi=DOTS_PER_INCH, metadata=metadata)
+            figure.savefig(out, format=self.name, dpi=DOTS_PER_INCH, metadata=metadata)
         return [path]
 
 

@@ -14,6 +14,7 @@ from nearfar.maps.raster import tiff_header
 from nearfar.maps.world.geojson import ring
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.places import WorldCoordinates
+from nearfar.storage import replaced
 
 
 @EXPORTERS.register("geojson")
@@ -52,7 +53,8 @@ class GeoJsonExporter(Exporter):
             },
         }
         collection = {"type": "FeatureCollection", "features": [feature]}
-        path.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
+        with replaced(path) as out:
+            out.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
         return [path]
 
 

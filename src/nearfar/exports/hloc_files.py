@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from nearfar.exports.indexed import IndexedMatches, Keypoints, distinct, indexed_in
 from nearfar.exports.subject import ImageNames
 from nearfar.localization import Localization
+from nearfar.storage import replaced
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +49,13 @@ def write_hloc(pairs: Sequence[NamedLocalization], features: Path, matches: Path
     import h5py
 
     images = _features(pairs)
-    with h5py.File(features, "w") as file:
+    with replaced(features) as out, h5py.File(out, "w") as file:
         for name, image in images.items():
             group = file.create_group(name)
             group.create_dataset("keypoints", data=image.keypoints)
             group.create_dataset("image_size", data=np.array(image.size))
             group["keypoints"].attrs["uncertainty"] = 1.0
-    with h5py.File(matches, "w") as file:
+    with replaced(matches) as out, h5py.File(out, "w") as file:
         for each in pairs:
             names, points = each.names, each.localization.points
             near, far = images[names.near].keypoints, images[names.far].keypoints

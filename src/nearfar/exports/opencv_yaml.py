@@ -7,6 +7,7 @@ import numpy as np
 
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.geometry.pose import RelativePose
+from nearfar.storage import replaced
 
 
 @EXPORTERS.register("opencv-yaml")
@@ -25,7 +26,8 @@ class OpenCVExporter(Exporter):
         # In memory, so that names with characters beyond ASCII are left to Python.
         storage = cv2.FileStorage(".yaml", cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)
         _write(storage, subject)
-        path.write_text(storage.releaseAndGetString(), encoding="utf-8")
+        with replaced(path) as out:
+            out.write_text(storage.releaseAndGetString(), encoding="utf-8")
         return [path]
 
 

@@ -8,6 +8,7 @@ import poselib
 
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.geometry.pose import RelativePose
+from nearfar.storage import replaced
 
 FAR_CAMERA = RelativePose(np.eye(3), np.zeros(3))
 """In its own frame, which is the world of the list."""
@@ -54,5 +55,6 @@ def _quaternion(pose: RelativePose) -> np.ndarray:
 
 def _write_lines(path: Path, rows: Iterable[np.ndarray]) -> list[Path]:
     text = "".join(" ".join(repr(float(value)) for value in row) + "\n" for row in rows)
-    path.write_text(text, encoding="utf-8")
+    with replaced(path) as out:
+        out.write_text(text, encoding="utf-8")
     return [path]

@@ -8,11 +8,11 @@ from nearfar.geometry.epipolar import fundamental_from_pose
 from nearfar.geometry.homography import outline, scaling, transform
 from nearfar.geometry.pose import RelativePose
 
-LEAST_PARALLAX = 4.0
-"""Ratio of parallax to the errors of matches from which there is a baseline: about 2 for a camera
-that only turned, 20 and more on KITTI."""
+LEAST_PARALLAX = 8.0
+"""Parallax over error from which cameras count as apart (`benchmarks/parallax.py`)."""
 ROUNDS, SMALL_PX = 10, 0.01
-"""Of the rotation of least mean parallax (iteratively reweighted), and what counts as none."""
+"""Rounds of reweighting to the rotation of least mean parallax; the least parallax and error that
+are told from none."""
 OPEN_SHARE, OPEN_PX = 0.1, 3.0
 """Corners that deviate by more than this share of the footprint's diagonal, and so many pixels, are
 left open; what the benchmarks call a loose success is as near."""
@@ -70,18 +70,17 @@ def _jacobian(far_from_near: Matrix3, near: Coordinates, unit_from_near: Matrix3
     return np.asarray((rows / depth[:, np.newaxis, np.newaxis]).reshape(-1, 9))
 
 
-def has_baseline(
+def relative_parallax(
     pose: RelativePose,
     far: Coordinates,
     near: Coordinates,
     far_intrinsics: Matrix3,
     near_intrinsics: Matrix3,
-) -> bool:
-    """Whether the cameras stood apart, as far as the inliers tell.
+) -> float:
+    """How far the inliers of a pose tell that the cameras stood apart.
 
     Where they did not, a rotation alone explains the matches, and every direction of translation
-    explains them as well. So the matches' parallax, what the best rotation leaves, must exceed
-    their errors, what the pose leaves.
+    explains them as well.
 
     Args:
         pose: the pose.
@@ -89,6 +88,10 @@ def has_baseline(
         near: (N, 2) their near points.
         far_intrinsics: calibration matrix of the far camera in the same pixels.
         near_intrinsics: the same of the near camera.
+
+    Returns:
+        The matches' median parallax, what the rotation of least parallax leaves, over their median
+        error, what the pose leaves; both in far pixels.
     """
     far_rays, near_rays = _rays(far, far_intrinsics), _rays(near, near_intrinsics)
     near_from_pixel = np.linalg.inv(near_intrinsics)
@@ -102,7 +105,7 @@ def has_baseline(
     lines = np.column_stack([near, np.ones(len(near))]) @ fundamental.T
     errors = (np.column_stack([far, np.ones(len(far))]) * lines).sum(axis=1)
     errors = np.abs(errors) / np.linalg.norm(lines[:, :2], axis=1)
-    return bool(np.median(parallax) > LEAST_PARALLAX * max(SMALL_PX, np.median(errors)))
+    return float(np.median(parallax) / max(SMALL_PX, np.median(errors)))
 
 
 def _rays(xy: Coordinates, intrinsics: Matrix3) -> NDArray[np.float64]:

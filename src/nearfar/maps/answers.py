@@ -15,7 +15,7 @@ from nearfar.pictures import save
 from nearfar.pictures.footprint import footprint_page
 from nearfar.pictures.matches import point_matches
 from nearfar.pictures.page import Caption, Entry
-from nearfar.storage import Location
+from nearfar.storage import Location, replaced
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,8 @@ class MapLocalization:
         folder = Path(directory)
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / f"{name}.json"]
-        written[0].write_text(self.to_json() + "\n", encoding="utf-8")
+        with replaced(written[0]) as out:
+            out.write_text(self.to_json() + "\n", encoding="utf-8")
         if self.answers:
             picture = self.answers[0].picture()
             written.append(save(picture, folder / f"{name}.png"))

@@ -207,7 +207,7 @@ def image_files(sources: Iterable[Path] | Iterable[Location]) -> list[Path] | li
 def _below(folder: Location) -> Iterator[Location]:
     """All files in a folder and in folders below."""
     if isinstance(folder, Path):
-        return (each for each in folder.rglob("*") if not each.is_dir())
+        return (each for each in folder.rglob("*") if each.is_file() or not each.exists())
     return folder.below()
 
 

@@ -13,6 +13,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.pictures.footprint import footprint_page
 from nearfar.pictures.matches import epipolar_matches, landmark_matches, point_matches
 from nearfar.pictures.overlays import overlay_pages
+from nearfar.storage import replaced
 
 if TYPE_CHECKING:
     from nearfar.localization import Localization
@@ -73,7 +74,8 @@ def save(pixels: RGBPixels, path: Path) -> Path:
     Raises:
         OSError: the file cannot be written.
     """
-    PillowImage.fromarray(pixels).save(path, "PNG", compress_level=_COMPRESSION)
+    with replaced(path) as out:
+        PillowImage.fromarray(pixels).save(out, "PNG", compress_level=_COMPRESSION)
     return path
 
 

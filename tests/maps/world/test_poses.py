@@ -147,6 +147,23 @@ def test_one_map_image_tells_a_direction(
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["q.json", "q.png"]
 
 
+def test_a_query_from_where_a_map_image_was_is_answered_by_that_image(
+    tour: Tour, posed_map: Path, tmp_path: Path
+) -> None:
+    """A rotation alone explains the two, which would be refused for a pair."""
+    taken = tour.poses[1]
+    x, y, z = taken.centre
+    turned = Pose.of(x, y, z, 3)
+    query = write(tmp_path / "turned.png", tour.room.seen(turned))
+    found = open_map(posed_map).locate(query, intrinsics=CAMERA)
+    assert Path(found.answers[0].image).name == "000001.png"
+    assert found.pose is not None
+    assert found.pose.translation is not None
+    angle, distance = turned.errors(found.pose.rotation, found.pose.translation)
+    assert angle < 0.5
+    assert distance < 0.01 * 7
+
+
 def test_poses_and_intrinsics_need_each_other(
     tour: Tour, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
