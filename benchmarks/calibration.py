@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from nearfar.adaptive.confidence import weight_of_evidence
+from nearfar.verification.confidence import weight_of_evidence
 
 FOLDS, BINS = 10, 10
 KINDS = {"homography": ("homography",), "epipolar": ("fundamental", "pose")}

@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from nearfar import open_map
-from nearfar.bench.cases import Case
-from nearfar.bench.kitti import find_kitti_cases
-from nearfar.bench.run import run
-from nearfar.bench.workers import Workers
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.runner import run
+from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.cli.bench.options import sampled
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 
 LOCAL, ONE, TWO = "two local processes", "cluster, one worker", "cluster, two workers"

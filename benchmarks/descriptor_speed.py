@@ -14,8 +14,7 @@ import numpy as np
 from skimage import data
 
 from nearfar.cli.options import with_weights
-from nearfar.descriptors import DenseDescriptor
-from nearfar.registry import DESCRIPTORS
+from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.settings import Settings
 
 BOXES = 320

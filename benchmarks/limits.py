@@ -18,10 +18,10 @@ import numpy as np
 
 from nearfar import Localizer
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.bench.cases import Case
-from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.geometry.homography import scaling, transform
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 
 RIGHT = 3.0
 """Mean error of a success, in pixels of the original far image."""

@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image
 
 from nearfar import open_map
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 from nearfar.maps.map import Map
 
 QUERIES = 4

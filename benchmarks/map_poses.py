@@ -17,7 +17,7 @@ import numpy as np
 
 from nearfar import open_map
 from nearfar.geometry.errors import rotation_angle
-from nearfar.intrinsics import CameraIntrinsics, read_camera
+from nearfar.geometry.intrinsics import CameraIntrinsics, read_camera
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.map import Map
 from nearfar.maps.world.poses import Poses, read_poses

@@ -21,20 +21,20 @@ from pathlib import Path
 import numpy as np
 
 from nearfar import open_map
-from nearfar.bench.cases import Case
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.evaluate import true_diagonal
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import Row, RowFile, read_rows
-from nearfar.bench.scenes import scene
+from nearfar.bench.runner import scene
 from nearfar.geometry.homography import transform
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.answers import MapAnswer, MapLocalization
-from nearfar.maps.entries import MapImage
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.map import TOP, VERIFY
 from nearfar.maps.store import MapStore
+from nearfar.maps.tables import MapImage
+from nearfar.storage.rows import Row, RowFile, read_rows
 from retrieval_baselines import BagOfWords, PooledLandmarks, WholeImage
 from retrieval_tables import kite_table, recall_table, time_table
 from retrieval_tiles import tiles_of

@@ -16,9 +16,9 @@ from skimage import data
 
 from nearfar import CameraIntrinsics, Intrinsics, Localization, Localizer, RelativePose
 from nearfar.arrays import RGBPixels
-from nearfar.bench.kitti import find_kitti_cases
+from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.cli.bench.options import sampled
-from nearfar.geometry.certainty import LEAST_PARALLAX, relative_parallax
+from nearfar.verification.conditioning import LEAST_PARALLAX, relative_parallax
 
 PHOTOGRAPHS = ("astronaut", "coffee", "chelsea", "rocket")
 DEGREES = (0.0, 3.0, 6.0)

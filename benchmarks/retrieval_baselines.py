@@ -7,15 +7,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.adaptive.keypoints import detect_keypoints
 from nearfar.arrays import RGBPixels
-from nearfar.image import read_image
-from nearfar.maps.entries import MapImage
-from nearfar.maps.keypoints import MOST, unpacked_keypoints
+from nearfar.features.keypoints import detect_keypoints
+from nearfar.imaging.image import read_image
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.sources import TILE
 from nearfar.maps.store import MapStore
-from nearfar.methods.adaptive import CONTRAST
+from nearfar.maps.tables import MOST, MapImage, unpacked_keypoints
+from nearfar.methods.adaptive.method import CONTRAST
 from nearfar.networks.landmark_network import CROP
 from nearfar.settings import Settings
 

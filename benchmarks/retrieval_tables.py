@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from nearfar.bench.rows import Row
 from nearfar.bench.tables import distinct, markdown
 from nearfar.geometry.homography import transform
+from nearfar.storage.rows import Row
 
 BINS = ((0.0, 4.0), (4.0, 12.0))
 """Of the scale change; the upper end is included."""

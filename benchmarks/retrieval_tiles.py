@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 
 SHARE = 5 / 8
 """Sides of a tile over those of the photograph."""

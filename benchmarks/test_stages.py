@@ -13,10 +13,10 @@ from skimage import data
 
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.descriptors.hog import HOG
-from nearfar.estimators import Task
 from nearfar.estimators.ransac import Ransac
-from nearfar.landmarks import Landmarks, match_landmarks
-from nearfar.points import Points, detect_sift, match_points, match_points_in_boxes
+from nearfar.features.keypoints import Points, detect_sift, match_points, match_points_in_boxes
+from nearfar.landmarks.landmarks import Landmarks, match_landmarks
+from nearfar.models import Task
 from nearfar.proposals.selective_search import SelectiveSearch
 from nearfar.settings import Settings
 

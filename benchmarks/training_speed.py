@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from nearfar.bench.rows import Row
+from nearfar.storage.rows import Row
 from nearfar.train.photographs import read_photographs
 from nearfar.train.training import FULL, train
 

@@ -16,8 +16,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from nearfar import Localizer
-from nearfar.bench.rows import RowFile, read_rows
 from nearfar.settings import Settings
+from nearfar.storage.rows import RowFile, read_rows
 
 CONFIDENT = 0.5
 

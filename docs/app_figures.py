@@ -23,10 +23,10 @@ from selenium.webdriver.common.action_chains import ActionChains
 from tests.app.browser import ImageView, Page, start
 from tests.app.conftest import Server
 
-from nearfar.app.annotation import fitted, targets
+from nearfar.app.annotations import fitted, targets
 from nearfar.cli import main as nearfar
 from nearfar.geometry.homography import transform
-from nearfar.pictures import save_small
+from nearfar.render import save_small
 
 FOLDER = Path(__file__).parent / "images"
 SHOWN = "IMG_0133"

@@ -23,23 +23,22 @@ from matplotlib.patches import ConnectionPatch, Polygon
 from PIL import Image as PillowImage
 
 import nearfar
-from nearfar.adaptive.attempt import Attempt, attempt
-from nearfar.adaptive.hypothesis import Hypothesis
-from nearfar.adaptive.keypoints import detect_keypoints
-from nearfar.adaptive.nearest import nearest_both_ways
-from nearfar.adaptive.search import Pyramid, pyramid, search, templates
-from nearfar.adaptive.votes import hypotheses, tentative_matches
-from nearfar.adaptive.zoom import Matched, Region, local_scale, region, scaled, warped
 from nearfar.arrays import Coordinates, Mask, RGBPixels
 from nearfar.demo import PRINTS, TARGET, make_scene
 from nearfar.descriptors import DenseDescriptor
 from nearfar.estimators import Task
+from nearfar.features.keypoints import detect_keypoints
+from nearfar.features.matching import nearest_both_ways
 from nearfar.geometry.homography import outline, transform
-from nearfar.methods.adaptive import CONTRAST, RATIO, REACH, SOUGHT, VOTED
-from nearfar.pictures import save_small
-from nearfar.pictures.footprint import footprint_page
-from nearfar.point_method import tuned_estimator
+from nearfar.methods.adaptive.attempt import Attempt, Hypothesis, attempt
+from nearfar.methods.adaptive.method import CONTRAST, RATIO, REACH, SOUGHT, VOTED
+from nearfar.methods.adaptive.search import Pyramid, pyramid, search, templates
+from nearfar.methods.adaptive.votes import hypotheses, tentative_matches
+from nearfar.methods.adaptive.zoom import Matched, Region, local_scale, region, scaled, warped
+from nearfar.methods.points import tuned_estimator
 from nearfar.registry import DESCRIPTORS
+from nearfar.render import save_small
+from nearfar.render.footprint import footprint_page
 
 FOLDER = Path(__file__).parent / "images"
 NEAR = "retina.jpg"
@@ -97,7 +96,7 @@ class Attempts:
         inliers: Mask,
         evidence: float,
     ) -> None:
-        """See `nearfar.timing.Watcher`."""
+        """See `nearfar.runtime.timing.Watcher`."""
         told = f"{evidence:.1f}" if np.isfinite(evidence) else "none"
         self.rows.append(f"| {step} | {len(far)} | {inliers.sum()} | {told} |")
 

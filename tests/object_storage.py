@@ -8,8 +8,8 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from nearfar import storage
-from nearfar.storage import Url
+from nearfar.storage import locations as storage
+from nearfar.storage.locations import Url
 
 KEY, SECRET = "AKIDEXAMPLE", "wJalrXUtnFEMIexample"
 

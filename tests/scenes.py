@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from nearfar.arrays import Coordinates, Matrix3
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
-from nearfar.geometry.pose import RelativePose
 
 SIZE = np.array([1200, 900])
 """Width and height of both images."""

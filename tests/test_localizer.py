@@ -13,6 +13,7 @@ from nearfar import Localization, Localizer, SettingsError, read_image
 from nearfar.arrays import Matrix3
 from nearfar.geometry.homography import footprint
 from nearfar.localizer import _boxes_in_original_pixels
+from nearfar.render import save_localization
 from tests.conftest import KnownPair
 
 
@@ -122,7 +123,7 @@ def test_chance_can_be_accepted_as_in_the_paper(photograph: Any) -> None:
 
 def test_json_and_pictures_are_written(known_pair: KnownPair, tmp_path: Path) -> None:
     found = nearfar.localize(known_pair.far, known_pair.near, method="sift")
-    files = found.save(tmp_path / "new" / "folder")
+    files = save_localization(found, tmp_path / "new" / "folder")
     content = json.loads((tmp_path / "new" / "folder" / "localization.json").read_text())
     assert content == json.loads(found.to_json())
     assert content["far"] == {"path": None, "width": 640, "height": 480}

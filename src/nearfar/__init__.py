@@ -10,15 +10,16 @@ from nearfar.errors import (
     WeightsError,
 )
 from nearfar.exports import export
-from nearfar.geometry.pose import RelativePose
-from nearfar.image import Image, read_image
-from nearfar.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
-from nearfar.landmarks import LandmarkMatches
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
+from nearfar.imaging.image import Image, read_image
+from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer, localize
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapAnswer, MapLocalization
 from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.render import save_localization
 from nearfar.settings import Settings
 
 __version__ = "0.1.0"
@@ -49,4 +50,5 @@ __all__ = [
     "open_map",
     "read_image",
     "read_intrinsics",
+    "save_localization",
 ]

@@ -21,12 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.extras import require
 from nearfar.geometry.errors import transfer_errors
-from nearfar.geometry.homography import scaling, transform, translation
-from nearfar.geometry.scale import scale_change
-from nearfar.image import read_image
+from nearfar.geometry.homography import scale_change, scaling, transform, translation
+from nearfar.imaging.image import read_image
 from nearfar.localization import Localization
+from nearfar.runtime.extras import require
 
 METHODS = ("adaptive", "sift", "paper", "objects")
 TOLERANCE = 3.0

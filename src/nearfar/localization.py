@@ -2,18 +2,15 @@
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from nearfar import pictures
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.estimators import ModelKind
-from nearfar.geometry.pose import RelativePose
-from nearfar.image import Image
-from nearfar.landmarks import LandmarkMatches
-from nearfar.storage import replaced
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.imaging.image import Image
+from nearfar.landmarks.landmarks import LandmarkMatches
+from nearfar.models import ModelKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,22 +110,6 @@ class Localization:
     def to_json(self) -> str:
         """`to_dict` as one line of JSON."""
         return json.dumps(self.to_dict(), allow_nan=False)
-
-    def save(self, directory: str | Path) -> list[Path]:
-        """Write `localization.json` and pictures into a folder, which is made where missing.
-
-        Returns:
-            The files written.
-
-        Raises:
-            OSError: a file cannot be written.
-        """
-        folder = Path(directory)
-        folder.mkdir(parents=True, exist_ok=True)
-        report = folder / "localization.json"
-        with replaced(report) as out:
-            out.write_text(self.to_json() + "\n", encoding="utf-8")
-        return [report, *pictures.save_all(self, folder)]
 
     def _model_as_dict(self) -> dict[str, Any] | None:
         if self.far_from_near is None:

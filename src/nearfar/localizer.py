@@ -7,26 +7,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from cachetools import LRUCache
 
-from nearfar.acceptance import accepted
 from nearfar.arrays import Boxes, Matrix3
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import IntrinsicsError, SettingsError
-from nearfar.estimators import MODEL_KINDS, ModelKind, Task
-from nearfar.geometry.homography import footprint, normalized, transform
-from nearfar.geometry.pose import RelativePose
-from nearfar.geometry.scale import scale_change
-from nearfar.geometry.significance import log10_false_alarms
-from nearfar.image import Image, ImageSource, read_image
-from nearfar.intrinsics import CameraIntrinsics, Intrinsics, IntrinsicsSource, read_intrinsics
-from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.estimators import ESTIMATORS
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.homography import footprint, normalized, scale_change, transform
+from nearfar.geometry.intrinsics import (
+    CameraIntrinsics,
+    Intrinsics,
+    IntrinsicsSource,
+    read_intrinsics,
+)
+from nearfar.imaging.image import Image, ImageSource, read_image
+from nearfar.landmarks.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
-from nearfar.methods import Answer, Method
-from nearfar.proposals import scaled_boxes
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS
+from nearfar.methods import METHODS, Method
+from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
+from nearfar.proposals import PROPOSERS, scaled_boxes
+from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer, Watcher
+from nearfar.verification.acceptance import accepted
+from nearfar.verification.significance import log10_false_alarms
 
 if TYPE_CHECKING:
-    from nearfar.bench.feature_store import FeatureStore
+    from nearfar.storage.feature_store import FeatureStore
 
 
 class Localizer:

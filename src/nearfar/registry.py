@@ -1,30 +1,33 @@
-"""Methods, proposers, descriptors and estimators by name.
+"""Plug-ins by name: the registry that each package of plug-ins owns one of.
 
-A plug-in is one module of the package of its kind, which registers a class under one or several
-names; the class is called with that name and the settings. Modules are found and imported when
-their kind is first asked for.
+A plug-in is a class that is called with its name and the settings. There are three places for it:
+
+- a module of the package of its kind, which registers the class under one or several names;
+- another distribution, which names a module under the entry point group `nearfar.plugins`;
+  importing that module registers its classes;
+- any importable module: `python:module.Class` names the class itself.
+
+Modules are imported when a kind is first asked for.
 """
 
 import difflib
+import functools
 import importlib
 import pkgutil
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from importlib.metadata import entry_points
+from typing import Any, Generic, TypeVar
 
 from nearfar.errors import SettingsError
 from nearfar.settings import Settings
-
-if TYPE_CHECKING:
-    from nearfar.descriptors import Descriptor
-    from nearfar.estimators import Estimator
-    from nearfar.methods import Method
-    from nearfar.proposals import Proposer
 
 T = TypeVar("T")
 Factory = Callable[[str, Settings], T]
 
 EXTERNAL = "python:"
-"""Begins the name of a method that is not a plug-in but a function of the user."""
+"""Begins the name of a plug-in that is named by its place: `python:module.Class`."""
+ENTRY_POINTS = "nearfar.plugins"
+"""Entry point group of other distributions; each entry is a module that registers plug-ins."""
 
 
 class Registry(Generic[T]):
@@ -78,12 +81,23 @@ class Registry(Generic[T]):
         Raises:
             SettingsError: there is no such name.
         """
+        if name.startswith(EXTERNAL):
+            return self.external(name.removeprefix(EXTERNAL))
         names = self.names()
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             hint = f"did you mean {close[0]!r}?" if close else "see `nearfar list`"
             raise SettingsError(f"unknown {self.kind} {name!r}; {hint}")
         return self._factories[name]
+
+    def external(self, path: str) -> Factory[T]:
+        """Return the class at a dotted path, `module.Class`.
+
+        Raises:
+            SettingsError: there is no such module or class.
+        """
+        factory: Factory[T] = find_external(path, self.kind)
+        return factory
 
     def _import_modules(self) -> None:
         if self._imported:
@@ -92,25 +106,51 @@ class Registry(Generic[T]):
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{self._package}.{module.name}")
         self._imported = True
+        _import_entry_points()
 
 
 def _place(factory: Factory[Any]) -> tuple[str, str]:
     return factory.__module__, factory.__qualname__
 
 
-class MethodRegistry(Registry["Method[Any]"]):
-    """The methods, and any function that matches points: `python:module.function`."""
+@functools.cache
+def _import_entry_points() -> None:
+    """Import the modules that other distributions name; they register their plug-ins.
 
-    def create(self, name: str, settings: Settings) -> "Method[Any]":
-        """See `Registry.create` and `nearfar.external`."""
-        if name.startswith(EXTERNAL):
-            from nearfar.external import ExternalMethod
+    Raises:
+        SettingsError: a module cannot be imported.
+    """
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            entry.load()
+        except Exception as error:
+            raise SettingsError(
+                f"the plug-in {entry.name!r} ({entry.value}) cannot be imported "
+                f"({type(error).__name__}: {error}); mend or uninstall its package"
+            ) from error
 
-            return ExternalMethod(name.removeprefix(EXTERNAL), settings)
-        return super().create(name, settings)
 
+def find_external(path: str, kind: str) -> Callable[..., Any]:
+    """Return the class or function at a dotted path.
 
-METHODS = MethodRegistry("method", "nearfar.methods")
-PROPOSERS: "Registry[Proposer]" = Registry("proposer", "nearfar.proposals")
-DESCRIPTORS: "Registry[Descriptor]" = Registry("descriptor", "nearfar.descriptors")
-ESTIMATORS: "Registry[Estimator]" = Registry("estimator", "nearfar.estimators")
+    Args:
+        path: `module.name`; the module must be importable.
+        kind: what it is called in messages, e.g. "method".
+
+    Raises:
+        SettingsError: there is no such module, or no such class or function in it.
+    """
+    module, _, name = path.rpartition(".")
+    if not module or not name:
+        raise SettingsError(f"name a {kind} as {EXTERNAL}module.name, not {path!r}")
+    try:
+        found = getattr(importlib.import_module(module), name, None)
+    except Exception as error:
+        raise SettingsError(
+            f"the module {module!r} of the {kind} cannot be imported "
+            f"({type(error).__name__}: {error}); is its folder on PYTHONPATH?"
+        ) from error
+    if not callable(found):
+        raise SettingsError(f"the module {module!r} has no function or class {name!r}")
+    wanted: Callable[..., Any] = found
+    return wanted

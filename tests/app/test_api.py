@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.geometry.errors import symmetric_transfer_error
 from nearfar.geometry.homography import transform
 from tests.app.conftest import Server

@@ -13,7 +13,7 @@ from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.geometry.homography import footprint, transform
 from tests.app.browser import ImageView, Page
 from tests.app.conftest import Server, children

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.bench.backgrounds import Backgrounds
-from nearfar.bench.compose import (
+from nearfar.bench.datasets.backgrounds import Backgrounds
+from nearfar.bench.datasets.composites import (
     SCENE_SIZE,
     View,
     compose,

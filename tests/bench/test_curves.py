@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nearfar.bench.curve_tables import difference_table, half_table, rate_table
-from nearfar.bench.curves import (
+from nearfar.bench.studies.curve_figures import difference_table, half_table, rate_table
+from nearfar.bench.studies.curves import (
     bin_differences,
     bin_name,
     bin_rates,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import nearfar
-from nearfar.bench.cases import Case
+from nearfar.bench.datasets.composites import Case
 from nearfar.bench.evaluate import evaluate, failure_columns, true_diagonal
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import PAPER_FAILURE_STE
-from nearfar.geometry.pose import RelativePose
 from tests.conftest import KnownPair
 
 SQUARE = np.array([[0, 0], [100, 0], [100, 100], [0, 100], [50, 50.0]])

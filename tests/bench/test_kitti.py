@@ -7,7 +7,7 @@ import pytest
 from PIL import Image as PillowImage
 from scipy.spatial.transform import Rotation
 
-from nearfar.bench.kitti import axis_angles, find_kitti_cases, frame_pairs, read_poses
+from nearfar.bench.studies.kitti import axis_angles, find_kitti_cases, frame_pairs, read_poses
 from nearfar.errors import BenchmarkError
 
 

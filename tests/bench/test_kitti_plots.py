@@ -1,6 +1,6 @@
 """Which translation error is drawn."""
 
-from nearfar.bench.kitti_plots import plots
+from nearfar.bench.studies.kitti_summary import plots
 
 
 def test_lengths_from_stereo_and_unit_lengths_are_not_mixed() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nearfar.bench.landmark_search import average_precision, first_right
+from nearfar.bench.studies.landmark_search import average_precision, first_right
 
 RANKINGS = st.lists(st.booleans(), max_size=30).map(lambda right: np.array(right, np.bool_))
 

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from nearfar.bench.landmark_summary import (
+from nearfar.bench.studies.landmark_summary import (
     bin_index,
     bin_table,
     ratio_table,
     recall_table,
     tallies,
 )
-from nearfar.bench.rows import Row
+from nearfar.storage.rows import Row
 
 
 def made(

@@ -10,13 +10,13 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench import landmarks
-from nearfar.bench.landmarks import Search, run_landmarks
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import Row, read_rows
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies import landmarks
+from nearfar.bench.studies.landmarks import Search, run_landmarks
 from nearfar.cli import main
 from nearfar.geometry.homography import scaling, transform, translation
 from nearfar.settings import Settings
+from nearfar.storage.rows import Row, read_rows
 
 HOG, COLOURS = Settings(descriptor="hog"), Settings(descriptor="colour-histogram")
 COUNTS: dict[Search, int] = {"boxes": 12, "dense": 3}

@@ -9,12 +9,12 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.paper_size import PAPER_SIZE, resized_to_paper
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.pairs import PAPER_SIZE, resized_to_paper
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.errors import transfer_errors
-from nearfar.geometry.scale import scale_change
-from nearfar.image import read_image
+from nearfar.geometry.homography import scale_change
+from nearfar.imaging.image import read_image
 
 HALF = np.array([[0.5, 0, 20.25], [0, 0.5, 10.25], [0, 0, 1.0]])
 """Maps the photograph to its copy at half the size, moved by (20.5, 10.5)."""

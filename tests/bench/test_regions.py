@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.bench.cases import Case
-from nearfar.bench.regions import (
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.regions import (
     ANGLES,
     corners,
     mapped,
@@ -20,7 +20,7 @@ from nearfar.bench.regions import (
     visible_regions,
 )
 from nearfar.geometry.homography import normalized, scaling, transform
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 
 BOX = (100, 50, 40, 20)
 HALF = scaling(0.5, 0.5)

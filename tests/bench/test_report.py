@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 from pyarrow import parquet
 
-from nearfar.bench.pair_folders import find_pairs
+from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.report import plots
 from nearfar.bench.report.gallery import chosen
 from nearfar.bench.report.load import Result, load_benchmarks, load_record
+from nearfar.bench.report.page import write_report
 from nearfar.bench.report.summary import Share, by_group, group_number, summarize
-from nearfar.bench.report.write import write_report
-from nearfar.bench.run import run
+from nearfar.bench.runner import run
 from nearfar.errors import BenchmarkError
 from nearfar.settings import Settings
 from tests.bench.test_run import write_pair

@@ -1,7 +1,7 @@
 """Risk against coverage, by hand."""
 
-from nearfar.bench.risk import risk_table
-from nearfar.bench.rows import Row
+from nearfar.bench.tables import risk_table
+from nearfar.storage.rows import Row
 
 
 def row(exponent: float | None, right: bool, status: str = "localized") -> Row:

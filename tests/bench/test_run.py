@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from nearfar.bench import case_row
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import read_rows, record_run
-from nearfar.bench.run import run
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.runner import run
+from nearfar.bench.studies import curves as case_row
 from nearfar.bench.tables import success_table, time_table
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import transform
 from nearfar.settings import Settings
+from nearfar.storage.rows import read_rows, record_run
 from tests.conftest import KnownPair
 
 SIFT = Settings(method="sift")

@@ -9,13 +9,13 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench.backgrounds import Backgrounds
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import read_rows
-from nearfar.bench.scale_curve import PlannedCase, base_pairs, make_images, plan_cases
+from nearfar.bench.datasets.backgrounds import Backgrounds
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.scale_curve import PlannedCase, base_pairs, make_images, plan_cases
 from nearfar.cli import main
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import transform
+from nearfar.storage.rows import read_rows
 from tests.conftest import KnownPair
 
 NEAR = np.array([[10, 10], [500, 20], [480, 490], [30, 400], [250, 260.0]])

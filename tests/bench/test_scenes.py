@@ -2,7 +2,7 @@
 
 import pytest
 
-from nearfar.bench.scenes import scene
+from nearfar.bench.runner import scene
 
 
 @pytest.mark.parametrize(

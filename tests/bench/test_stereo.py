@@ -9,10 +9,10 @@ from PIL import Image as PillowImage
 from scipy.ndimage import gaussian_filter
 
 from nearfar import Localizer
-from nearfar.bench.cases import Case, Stereo
-from nearfar.bench.stereo import metric_scale, stereo_depth, triangulated_depth
-from nearfar.geometry.pose import RelativePose
-from nearfar.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.bench.datasets.composites import Case, Stereo
+from nearfar.bench.datasets.kitti import metric_scale, stereo_depth, triangulated_depth
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from tests.scenes import two_views
 
 DEPTH, FOCAL, BASELINE = 10.0, 500.0, 0.5

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from nearfar.bench.kitti_summary import fit_table, log_fit, step_table, table_two
-from nearfar.bench.pairs_summary import table_three
-from nearfar.bench.rows import Row
+from nearfar.bench.studies.kitti_summary import fit_table, log_fit, step_table, table_two
+from nearfar.bench.studies.pairs import table_three
 from nearfar.geometry.errors import PAPER_FAILURE_STE
+from nearfar.storage.rows import Row
 
 
 def pose_row(j: int, t_err: float, r_err: float, status: str = "localized") -> Row:

@@ -13,12 +13,12 @@ from typing import Any
 import cv2
 import pytest
 
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import RowFile, read_rows
-from nearfar.bench.run import run
-from nearfar.bench.workers import Workers
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.runner import run
 from nearfar.errors import BenchmarkError
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
+from nearfar.storage.rows import RowFile, read_rows
 from tests.bench.test_run import write_pair
 from tests.conftest import KnownPair
 

@@ -12,22 +12,21 @@ from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.bench.cases import Case
-from nearfar.bench.kitti import find_kitti_cases
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import Row, read_rows
-from nearfar.bench.run import run
-from nearfar.bench.sweep import Grid, Result, first_pairs, run_sweep, sweep_table
-from nearfar.bench.tap_features import TapFeatures, taps_of
-from nearfar.bench.vector_file import VectorFile
-from nearfar.bench.workers import Workers
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.runner import run
+from nearfar.bench.studies.kitti import find_kitti_cases
+from nearfar.bench.studies.sweep import Grid, Result, first_pairs, run_sweep, sweep_table
+from nearfar.bench.studies.tap_features import TapFeatures, VectorFile, taps_of
 from nearfar.cli import main
-from nearfar.descriptors import unit_rows
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
-from nearfar.landmarks import Landmarks, match_landmarks
+from nearfar.features.feature_map import unit_rows
+from nearfar.landmarks.landmarks import Landmarks, match_landmarks
 from nearfar.methods.paper import Paper
+from nearfar.runtime.timing import StageTimer
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
+from nearfar.storage.rows import Row, read_rows
 from tests.bench.test_run import write_pair
 from tests.conftest import KnownPair
 from tests.descriptors.test_squeezenet import FIRES

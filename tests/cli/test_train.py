@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench.rows import read_rows
 from nearfar.cli import main
-from nearfar.registry import DESCRIPTORS
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.settings import Settings
+from nearfar.storage.rows import read_rows
 
 
 def test_trains_a_descriptor_that_can_be_used(

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import SettingsError, WeightsError
-from nearfar.estimators import MODEL_KINDS, ModelKind, Task
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS, Registry
+from nearfar.estimators import ESTIMATORS
+from nearfar.methods import METHODS
+from nearfar.models import MODEL_KINDS, ModelKind, Task
+from nearfar.proposals import PROPOSERS
+from nearfar.registry import Registry
+from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
 from tests.conftest import KnownPair
 from tests.scenes import plane_matches, random_homography, two_views
 

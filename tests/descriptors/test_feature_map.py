@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nearfar.descriptors import FeatureMap
+from nearfar.features.feature_map import FeatureMap
 
 
 def test_centres_of_cells_row_by_row() -> None:

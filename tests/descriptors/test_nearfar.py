@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
-from nearfar.descriptors import DenseDescriptor
+from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import WeightsError
 from nearfar.networks.landmark_network import FILE
-from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 
 CARD = Path(__file__).parents[2] / "docs" / "descriptor.md"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
 from nearfar.arrays import RGBPixels
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import WeightsError
-from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 
 TABLE_1 = {

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
 from nearfar.arrays import RGBPixels
-from nearfar.descriptors import DenseDescriptor
+from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import WeightsError
-from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 from tests.descriptors.maps import middle_of_influence
 

@@ -16,7 +16,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.geometry.homography import transform
 from nearfar.networks.squeezenet import FIRES
 from tests.conftest import KnownPair
-from tests.maps.test_raster import write_tiff
+from tests.imaging.test_raster import write_tiff
 from tests.maps.world.model_files import write_model
 from tests.maps.world.room import CAMERA, Pose, Room
 

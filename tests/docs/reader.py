@@ -15,8 +15,12 @@ from urllib.request import urlopen
 import pytest
 
 from nearfar.cli import main
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
-from nearfar.registry import DESCRIPTORS, ESTIMATORS, METHODS, PROPOSERS, Registry
+from nearfar.methods import METHODS
+from nearfar.proposals import PROPOSERS
+from nearfar.registry import Registry
 from tests.docs.blocks import REPOSITORY, Block, Command
 
 REGISTRIES: tuple[Registry[Any], ...] = (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS)

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nearfar.estimators import MODEL_KINDS, Estimator, ModelKind, Task
+from nearfar.estimators import ESTIMATORS, Estimator
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import (
     direction_angle,
     rotation_angle,
     symmetric_epipolar_distances,
 )
 from nearfar.geometry.homography import transform
-from nearfar.geometry.pose import RelativePose
-from nearfar.registry import ESTIMATORS
+from nearfar.models import MODEL_KINDS, ModelKind, Task
 from nearfar.settings import Settings
 from tests.estimators.test_ransac import DEGENERATE, line, task
 from tests.scenes import SIZE, plane_matches, random_homography, two_views

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nearfar.estimators import Task
+from nearfar.estimators import ESTIMATORS
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import direction_angle, rotation_angle
-from nearfar.geometry.pose import RelativePose
-from nearfar.registry import ESTIMATORS
+from nearfar.models import Task
 from nearfar.settings import Settings
 from tests.scenes import SIZE, plane_matches, random_homography, two_views
 

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates
-from nearfar.estimators import MODEL_KINDS, ModelKind, Task
 from nearfar.estimators.ransac import Ransac
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import (
     direction_angle,
     rotation_angle,
     symmetric_epipolar_distances,
     transfer_errors,
 )
-from nearfar.geometry.pose import RelativePose
+from nearfar.models import MODEL_KINDS, ModelKind, Task
 from nearfar.settings import Settings
 from tests.scenes import SIZE, plane_matches, random_homography, two_views
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar import CameraIntrinsics, Intrinsics, Localization, PointMatches, read_image
-from tests.pictures.build import Shift, localized
+from tests.render.build import Shift, localized
 from tests.scenes import TwoViews, two_views
 
 

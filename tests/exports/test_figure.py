@@ -9,7 +9,7 @@ from PIL import Image as PillowImage
 
 import nearfar
 from nearfar import ExportError, Localization
-from nearfar.pictures.draw import AGREEING, MARK
+from nearfar.render.draw import AGREEING, MARK
 from tests.exports.conftest import Posed
 
 pytest.importorskip("matplotlib")

@@ -7,6 +7,7 @@ import pytest
 
 import nearfar
 from nearfar.localization import Localization
+from nearfar.render import save_localization
 
 FORMATS = {"csv": "matches.csv", "opencv-yaml": "found.yml", "svg": "figure.svg"}
 
@@ -34,5 +35,5 @@ def test_exports(found: Localization, tmp_path: Path, name: str) -> None:
 def test_saved_results(found: Localization, tmp_path: Path, name: str) -> None:
     fill(tmp_path / name)
     with pytest.raises(OSError, match="No space left"):
-        found.save(tmp_path)
+        save_localization(found, tmp_path)
     assert (tmp_path / name).read_bytes() == b"what was there"

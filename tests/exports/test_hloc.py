@@ -11,7 +11,7 @@ from PIL import Image as PillowImage
 import nearfar
 from nearfar import ExportError, Localization
 from nearfar.adapters.hloc import match_pairs
-from nearfar.exports.hloc_files import NamedLocalization, names_to_pair
+from nearfar.exports.hloc import NamedLocalization, names_to_pair
 from tests.conftest import KnownPair
 
 h5py = pytest.importorskip("h5py")

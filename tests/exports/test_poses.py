@@ -7,7 +7,7 @@ import pytest
 
 import nearfar
 from nearfar import ExportError, Localization
-from nearfar.geometry.pose import RelativePose
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.maps.world.places import PoseFormat
 from nearfar.maps.world.poses import read_poses
 from tests.exports.conftest import Posed

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nearfar.geometry.scale import scale_change
+from nearfar.geometry.homography import scale_change
 
 
 @given(st.integers(2, 12), st.integers(0, 1000))

@@ -12,7 +12,7 @@ from PIL import Image
 from nearfar import open_map
 from nearfar.arrays import RGBPixels
 from nearfar.geometry.homography import translation
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 from tests.conftest import KnownPair
 
 pytest.importorskip("lancedb")

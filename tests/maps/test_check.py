@@ -10,7 +10,7 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.map import Map
 from nearfar.maps.world.poses import Poses
 from nearfar.maps.world.views import View, ViewStore

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from nearfar.maps import files
-from nearfar.maps.entries import MapImage
 from nearfar.maps.files import UNKNOWN, content_hash, file_of, is_unchanged, name_of, state_of
-from nearfar.storage import Url
+from nearfar.maps.tables import MapImage
+from nearfar.storage.locations import Url
 
 
 @pytest.mark.parametrize(

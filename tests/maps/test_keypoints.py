@@ -2,10 +2,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nearfar.adaptive.keypoints import detect_keypoints
 from nearfar.arrays import RGBPixels
-from nearfar.maps.keypoints import MOST, packed_keypoints, unpacked_keypoints
-from nearfar.methods.adaptive import CONTRAST
+from nearfar.features.keypoints import detect_keypoints
+from nearfar.maps.tables import MOST, packed_keypoints, unpacked_keypoints
+from nearfar.methods.adaptive.method import CONTRAST
 
 
 def test_keypoints_come_back_as_they_were(photograph: Callable[[str], RGBPixels]) -> None:

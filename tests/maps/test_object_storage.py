@@ -9,7 +9,7 @@ from nearfar import MapError, MapLocalization, open_map
 from nearfar.cli import main
 from nearfar.errors import StorageError
 from nearfar.maps import build
-from nearfar.storage import Url
+from nearfar.storage.locations import Url
 from tests.conftest import KnownPair
 from tests.maps.conftest import content, write
 from tests.object_storage import SECRET, Server

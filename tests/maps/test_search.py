@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nearfar.maps import search, store
-from nearfar.maps.entries import Block
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.search import NONE, nearest, nearest_by_index
 from nearfar.maps.store import MapStore
+from nearfar.maps.tables import Block
 from nearfar.settings import Settings
 from tests.conftest import KnownPair
 

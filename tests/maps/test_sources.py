@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from nearfar.arrays import RGBPixels
 from nearfar.errors import MapError
 from nearfar.geometry.homography import outline, transform
-from nearfar.image import Image
+from nearfar.imaging.image import Image
 from nearfar.maps.sources import OVERLAP, TILE, Photograph, image_files, levels
 from tests.maps.conftest import write
 

@@ -13,7 +13,7 @@ from nearfar.maps import build
 from nearfar.maps.database import connect
 from nearfar.maps.files import content_hash
 from nearfar.maps.manifest import FILE
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 from tests.maps.conftest import content
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from nearfar import Localization, Localizer, RelativePose, localize
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.bench.kitti import find_kitti_cases
+from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.errors import SettingsError
 from nearfar.geometry.errors import direction_angle, rotation_angle
 from tests.conftest import KnownPair
@@ -299,7 +299,7 @@ def test_nothing_is_computed_after_the_budget(
 ) -> None:
     far, near = reduced(photograph("coffee"), 3), reduced(photograph("chelsea"), 3)
     clock = Clock("zoom")
-    monkeypatch.setattr("nearfar.methods.adaptive.time", clock)
+    monkeypatch.setattr("nearfar.methods.adaptive.method.time", clock)
     Localizer(budget=10).localize(far, near, model=model, expected=[np.eye(3)], watcher=clock)
     assert "zoom" in clock.stages
     assert not set(clock.stages) & {"votes", "landmark search"}
@@ -309,7 +309,7 @@ def test_the_memory_of_pyramids_is_bounded(
     photograph: Photograph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     most = 1_000_000
-    monkeypatch.setattr("nearfar.methods.adaptive.PYRAMID_BYTES", most)
+    monkeypatch.setattr("nearfar.methods.adaptive.method.PYRAMID_BYTES", most)
     localizer = Localizer(descriptor="hog", max_effort="landmarks")
     near = reduced(photograph("rocket"), 6)
     for turns in range(4):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from nearfar import localize
 from nearfar.arrays import RGBPixels
-from nearfar.points import (
+from nearfar.features.keypoints import (
     Points,
     detect_sift,
     match_points,
@@ -17,9 +17,9 @@ from nearfar.points import (
     one_match_per_cell,
     root_sift,
 )
-from nearfar.registry import METHODS
+from nearfar.methods import METHODS
+from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
 from tests.conftest import KnownPair
 
 PEERS = ("sift-ratio", "sift-tuned", "asift", "akaze", "orb")

@@ -10,7 +10,7 @@ from PIL import Image as PillowImage
 
 from nearfar.networks.runner import CropNetwork
 from nearfar.networks.squeezenet import CLASSES, TAPS, squeezenet_model
-from nearfar.weights import read_weights
+from nearfar.networks.weights import read_weights
 
 FIRES = {
     "features.3": (16, 64),

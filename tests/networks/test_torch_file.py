@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nearfar.networks.tensors import TensorFileError
-from nearfar.networks.torch_file import read_torch_file
+from nearfar.networks.torch_file import TensorFileError, read_torch_file
 
 MAGIC = 0x1950A86A20F9469CFC6C
 

@@ -8,8 +8,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from nearfar.bench.rows import read_rows  # noqa: E402
 from nearfar.errors import SettingsError, TrainingError  # noqa: E402
+from nearfar.storage.rows import read_rows  # noqa: E402
 from nearfar.train.photographs import Photograph  # noqa: E402
 from nearfar.train.training import (  # noqa: E402
     CHECKPOINT,

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from nearfar.errors import ExportError
-from nearfar.estimators import ModelKind
-from nearfar.exports.hloc_files import NamedLocalization, write_hloc
+from nearfar.exports.hloc import NamedLocalization, write_hloc
 from nearfar.exports.subject import Subject
-from nearfar.extras import require
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
+from nearfar.models import ModelKind
+from nearfar.runtime.extras import require
 
 
 def match_pairs(
@@ -30,7 +30,7 @@ def match_pairs(
         pairs: hloc's list of pairs, two names a line; the first is taken as the near image (the
             query), the second as the far one. A pair that was before, either way, is left out.
         image_dir: folder that the names are relative to.
-        features: HDF5 file to write; see `nearfar.exports.hloc_files`.
+        features: HDF5 file to write; see `nearfar.exports.hloc`.
         matches: the same.
         model: what the matches are scored by, 1 or 0: a fundamental matrix for scenes with depth.
         **options: `Settings` by name, e.g. method="sift-tuned".

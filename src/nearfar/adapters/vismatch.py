@@ -12,7 +12,7 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.errors import ImageError
-from nearfar.image import ImageSource
+from nearfar.imaging.image import ImageSource
 from nearfar.localizer import Localizer
 
 

@@ -1,18 +1,159 @@
-"""Annotations on disk: each change is kept as it is made."""
+"""Annotations: corresponding points that a person has set."""
 
+import math
 import re
 import secrets
 import time
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
+import cv2
+import numpy as np
 from fastapi import HTTPException
+from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from nearfar.app.annotation import Model, PointPairs
 from nearfar.app.files import write_whole
 from nearfar.app.jobs import Reference
 from nearfar.app.tasks import Message
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.bench.evaluate import PAPER_POINTS
+from nearfar.geometry.errors import symmetric_transfer_error, transfer_errors
+from nearfar.geometry.homography import normalized, scale_change
+
+LEAST = 4
+"""Points that determine a homography."""
+LEAST_SINGULAR = 1e-5
+"""Ratio of singular values below which a system of equations counts as singular."""
+_ROWS = (3, 4, 3)
+"""Target places in each row of the near image."""
+
+_Pixel = Annotated[float, Field(ge=-100_000, le=1_000_000, allow_inf_nan=False)]
+Point = tuple[_Pixel, _Pixel]
+"""x and y in pixels of the original image."""
+
+
+class PointPair(Message):
+    """A point in both images; None in the image where it is not marked yet."""
+
+    far: Point | None = None
+    near: Point | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is marked in both."""
+        return self.far is not None and self.near is not None
+
+
+PointPairs = Annotated[tuple[PointPair, ...], Field(max_length=200)]
+Model = Literal["homography", "fundamental"]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What marked points say together.
+
+    Attributes:
+        homography: maps near to far pixels, by least squares; None where the points determine none.
+        far_errors: of each point pair, in far pixels; None for those not marked in both images.
+        near_errors: the same in near pixels.
+        ste: symmetric transfer error, the sum of all of them.
+        ste_of_ten: the same, scaled to ten points, as the paper reports it.
+        scale_change: median over all pairs of points; None for fewer than two.
+        reason: why there is no homography.
+    """
+
+    homography: list[list[float]] | None
+    far_errors: list[float | None]
+    near_errors: list[float | None]
+    ste: float | None
+    ste_of_ten: float | None
+    scale_change: float | None
+    reason: str | None
+
+
+def arrays(points: tuple[PointPair, ...]) -> tuple[Coordinates, Coordinates]:
+    """(N, 2) far and near points of those that are marked in both images."""
+    both = [(pair.far, pair.near) for pair in points if pair.far and pair.near]
+    far = np.array([far for far, _ in both], np.float64).reshape(-1, 2)
+    return far, np.array([near for _, near in both], np.float64).reshape(-1, 2)
+
+
+def agreement(points: tuple[PointPair, ...]) -> Agreement:
+    """Fit a homography to all marked points and compare it with each of them."""
+    far, near = arrays(points)
+    nothing: list[float | None] = [None] * len(points)
+    change = scale_change(far, near)
+    change = change if change is not None and math.isfinite(change) else None
+    if len(far) < LEAST:
+        missing = LEAST - len(far)
+        reason = f"{missing} more {'point' if missing == 1 else 'points'} needed"
+        return Agreement(None, nothing, nothing, None, None, change, reason)
+    homography = fitted(far, near)
+    if homography is None:
+        reason = "the points lie on a line or contradict each other"
+        return Agreement(None, nothing, nothing, None, None, change, reason)
+    there = transfer_errors(homography, far, near)
+    back = transfer_errors(np.linalg.inv(homography), near, far)
+    ste = symmetric_transfer_error(homography, far, near)
+    if not math.isfinite(ste):
+        reason = "a point is mapped to infinity"
+        return Agreement(None, nothing, nothing, None, None, change, reason)
+    return Agreement(
+        homography.tolist(),
+        _spread(points, there),
+        _spread(points, back),
+        ste,
+        ste * PAPER_POINTS / len(far),
+        change,
+        None,
+    )
+
+
+def fitted(far: Coordinates, near: Coordinates) -> Matrix3 | None:
+    """The homography that maps near to far points best, by least squares; None where none does."""
+    if not _determine(far, near):
+        return None
+    found, _ = cv2.findHomography(near, far, 0)
+    if found is None or not np.isfinite(found).all():
+        return None
+    homography = normalized(found)
+    singular = np.linalg.svd(homography, compute_uv=False)
+    return homography if singular[2] > 1e-12 * singular[0] else None
+
+
+def _determine(far: Coordinates, near: Coordinates) -> bool:
+    """Whether points determine a homography, as four do of which no three lie on a line.
+
+    The direct linear transform (Hartley and Zisserman, 2004, chapter 4) then has rank 8.
+    """
+    (x, y), (u, v) = (((xy - xy.mean(axis=0)) / (xy.std() + 1e-9)).T for xy in (near, far))
+    one, none = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.column_stack([x, y, one, none, none, none, -u * x, -u * y, -u]),
+            np.column_stack([none, none, none, x, y, one, -v * x, -v * y, -v]),
+        ]
+    )
+    singular = np.linalg.svd(rows, compute_uv=False)
+    return bool(singular[7] > LEAST_SINGULAR * singular[0])
+
+
+def targets(width: int, height: int) -> list[Point]:
+    """Ten places spread evenly over the near image, in its pixels, as the paper asks for."""
+    places: list[Point] = []
+    for row, count in enumerate(_ROWS):
+        y = (row + 0.5) / len(_ROWS) * height - 0.5
+        places += [((column + 0.5) / count * width - 0.5, y) for column in range(count)]
+    return places
+
+
+def _spread(points: tuple[PointPair, ...], errors: NDArray[np.floating]) -> list[float | None]:
+    values = iter(errors.tolist())
+    return [next(values) if pair.complete else None for pair in points]
+
 
 _ID = re.compile(r"[0-9a-f]{16}\.json")
 Size = tuple[int, int]

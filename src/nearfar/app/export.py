@@ -11,13 +11,12 @@ import numpy as np
 import yaml
 from fastapi import HTTPException
 
-from nearfar.app.annotation import LEAST, agreement, arrays
-from nearfar.app.annotations import Annotation
+from nearfar.app.annotations import LEAST, Annotation, agreement, arrays
 from nearfar.app.files import copy_whole, write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
-from nearfar.geometry.scale import scale_change
-from nearfar.image import FORMATS, quiet_pillow
+from nearfar.geometry.homography import scale_change
+from nearfar.imaging.image import FORMATS, quiet_pillow
 
 _SUFFIX = {"JPEG": ".jpg", "PNG": ".png", "TIFF": ".tif", "WEBP": ".webp", "BMP": ".bmp"}
 

@@ -1,12 +1,22 @@
-"""Files that are replaced as a whole, so that a crash leaves the old or the new content."""
+"""Files that the app serves and takes."""
 
+import asyncio
+import hashlib
+import json
 import os
+import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO
+
+from fastapi import HTTPException
+from starlette.requests import ClientDisconnect
+
+from nearfar.app.configuration import MEGABYTE, Limits
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -43,3 +53,128 @@ def _replaced(file: Path) -> Iterator[BinaryIO]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_LONGEST_NAME = 120
+
+
+@dataclass(frozen=True)
+class Upload:
+    """An image that was sent.
+
+    Attributes:
+        digest: SHA-256 of the file.
+        name: that it had with the sender, to show.
+    """
+
+    digest: str
+    name: str
+
+
+class Uploads:
+    """A folder of images that were sent.
+
+    Args:
+        folder: made where missing.
+        limits: of one upload and of all.
+
+    Attributes:
+        folder: the same, as an absolute path.
+    """
+
+    def __init__(self, folder: Path, limits: Limits) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for left in folder.glob(".incoming-*"):
+            left.unlink()
+        self.folder = folder.resolve()
+        self._limits = limits
+        self._receiving = asyncio.Semaphore(limits.uploads)
+        self._stored = sum(file.stat().st_size for file in folder.iterdir())
+
+    def file(self, digest: str) -> Path:
+        """The file of an upload.
+
+        Raises:
+            HTTPException: 404, it is none.
+        """
+        if not _DIGEST.fullmatch(digest):
+            raise HTTPException(404, "there is no such image")
+        return self.folder / digest
+
+    def name(self, digest: str) -> str:
+        """What the sender called it."""
+        try:
+            text = self.file(digest).with_suffix(".json").read_text(encoding="utf-8")
+            return str(json.loads(text)["name"])
+        except (OSError, ValueError, KeyError):
+            return "image"
+
+    async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
+        """Take the bytes of a file; it is not known yet, see `keep`.
+
+        Returns:
+            A file to look at, and then to keep or to delete.
+
+        Raises:
+            HTTPException: 413 too large, 507 no room, 503 too many at a time, 408 it stalls.
+        """
+        if self._receiving.locked():
+            raise HTTPException(503, "too many images at a time: try again", {"Retry-After": "1"})
+        async with self._receiving:
+            handle, incoming = tempfile.mkstemp(dir=self.folder, prefix=".incoming-")
+            path, size = Path(incoming), 0
+            try:
+                with open(handle, "wb") as out:  # noqa: PTH123
+                    while True:
+                        chunk = await asyncio.wait_for(
+                            anext(chunks, None), self._limits.stall_seconds
+                        )
+                        if chunk is None:
+                            break
+                        size += len(chunk)
+                        self._check(name, size)
+                        out.write(chunk)
+            except TimeoutError:
+                path.unlink()
+                raise HTTPException(408, "the image did not arrive in time") from None
+            except ClientDisconnect:
+                path.unlink()
+                raise HTTPException(400, "the image did not arrive as a whole") from None
+            except BaseException:
+                path.unlink(missing_ok=True)
+                raise
+            return path
+
+    def keep(self, name: str, incoming: Path) -> Upload:
+        """Keep a file that was received; one of the same content is kept once."""
+        with incoming.open("rb") as content:
+            digest = hashlib.file_digest(content, "sha256").hexdigest()
+        kept = self.folder / digest
+        if kept.exists():
+            incoming.unlink()
+        else:
+            self._stored += incoming.stat().st_size
+            incoming.replace(kept)
+        upload = Upload(digest, shown_name(name))
+        write_whole(kept.with_suffix(".json"), json.dumps(asdict(upload)).encode())
+        return upload
+
+    def _check(self, name: str, size: int) -> None:
+        if size > self._limits.upload_bytes:
+            most = self._limits.upload_bytes / MEGABYTE
+            raise HTTPException(
+                413, f"{shown_name(name)} is larger than the limit of {most:g} megabytes"
+            )
+        if self._stored + size > self._limits.stored_bytes:
+            raise HTTPException(
+                507,
+                "there is no room for further images: delete some in the app's folder, or open "
+                "images from a folder that the app was started with",
+            )
+
+
+def shown_name(name: str) -> str:
+    """A file's name without its folders and without what cannot be printed."""
+    last = re.split(r"[/\\]", name)[-1]
+    return "".join(letter for letter in last if letter.isprintable())[:_LONGEST_NAME] or "image"

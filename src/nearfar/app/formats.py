@@ -16,10 +16,10 @@ from typing import Literal
 
 from fastapi import HTTPException
 
-from nearfar.app.explanation import crash_explanation
 from nearfar.app.kept import KeptAnswer
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
+from nearfar.app.results import crash_explanation
 from nearfar.app.writer import ExportTask, ImageTask, Outcome, Reply
 from nearfar.exports.subject import ImageNames
 

@@ -12,13 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from nearfar.app.files import write_whole
 from nearfar.arrays import Matrix3
 from nearfar.errors import ExportError
-from nearfar.estimators import ModelKind
 from nearfar.exports.subject import ImageNames
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint
-from nearfar.geometry.pose import RelativePose
-from nearfar.image import Image
-from nearfar.landmarks import NO_LANDMARKS
+from nearfar.imaging.image import Image
+from nearfar.landmarks.landmarks import NO_LANDMARKS
 from nearfar.localization import Localization, PointMatches
+from nearfar.models import ModelKind
 
 _Number = Annotated[float, Field(allow_inf_nan=False)]
 _Three = tuple[_Number, _Number, _Number]

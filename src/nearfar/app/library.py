@@ -15,10 +15,10 @@ from typing import Literal
 from fastapi import HTTPException
 from PIL import Image as PillowImage
 
-from nearfar.app.uploads import Uploads
-from nearfar.image import FORMATS
+from nearfar.app.files import Uploads
+from nearfar.imaging.image import FORMATS
 from nearfar.maps.manifest import FILE as MAP_FILE
-from nearfar.storage import is_text
+from nearfar.storage.locations import is_text
 
 MOST_ENTRIES = 2000
 """Entries of a folder that are listed."""

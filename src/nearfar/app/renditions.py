@@ -10,10 +10,10 @@ from PIL import Image as PillowImage
 
 from nearfar.app.configuration import Limits
 from nearfar.arrays import Matrix3
-from nearfar.image import Image, read_image, reduced_size
-from nearfar.maps.raster import open_raster, tiff_header
-from nearfar.maps.sources import Tile
-from nearfar.pictures.view import rendered
+from nearfar.imaging.image import Image, read_image, reduced_size
+from nearfar.imaging.raster import open_raster, tiff_header
+from nearfar.imaging.tiles import Tile
+from nearfar.render.view import rendered
 
 LONGEST = 6000
 """Longest side of a picture to look at, in pixels."""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from fastapi import HTTPException
 
 from nearfar.app.configuration import Limits
-from nearfar.app.explanation import crash_explanation
 from nearfar.app.jobs import Job, JobStore, StepProgress
+from nearfar.app.results import crash_explanation
 from nearfar.app.tasks import REPORT, Ended, Entered, LocalizeTask, LocateTask, Tried
 
 TaskOf = Callable[[Job], LocalizeTask | LocateTask]

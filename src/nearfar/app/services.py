@@ -6,13 +6,13 @@ from fastapi import Request
 
 from nearfar.app.annotations import AnnotationStore
 from nearfar.app.configuration import Configuration
+from nearfar.app.files import Uploads
 from nearfar.app.formats import Formats
 from nearfar.app.jobs import Job, JobStore, LocalizeRequest
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
 from nearfar.app.runner import Runner
 from nearfar.app.tasks import LocalizeTask, LocateTask
-from nearfar.app.uploads import Uploads
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from nearfar.errors import MapError, NearfarError
 from nearfar.localizer import Localizer
 from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 
 CACHE_BYTES = 300_000_000
 """For features of the images used last."""

@@ -15,7 +15,7 @@ from nearfar.app.kept import Kept, read_matches
 from nearfar.app.tasks import Message
 from nearfar.errors import ExportError, NearfarError
 from nearfar.exports import EXPORTERS, Subject, exporter
-from nearfar.image import Image, read_image
+from nearfar.imaging.image import Image, read_image
 from nearfar.localization import PointMatches
 from nearfar.settings import Settings
 

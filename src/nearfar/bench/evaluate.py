@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Matrix3
-from nearfar.bench.cases import Case
-from nearfar.bench.stereo import metric_scale
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.kitti import metric_scale
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import (
     PAPER_FAILURE_STE,
     direction_angle,
@@ -20,7 +21,6 @@ from nearfar.geometry.errors import (
     translation_error,
 )
 from nearfar.geometry.homography import footprint
-from nearfar.geometry.pose import RelativePose
 from nearfar.localization import Localization
 
 STRICT_PX, LOOSE_EPIPOLAR_PX = 3.0, 6.0

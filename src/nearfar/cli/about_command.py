@@ -1,4 +1,4 @@
-"""`nearfar about`."""
+"""`nearfar doctor` and `nearfar list`."""
 
 import importlib.metadata
 import platform
@@ -12,6 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from nearfar import __version__
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.estimators import ESTIMATORS
+from nearfar.exports import EXPORTERS
+from nearfar.methods import METHODS
+from nearfar.proposals import PROPOSERS
 
 NOT_STATED = "not stated"
 _CORE = "always"
@@ -131,3 +136,12 @@ def _table_of_models() -> Table:
     for model in MODELS:
         table.add_row(model.name, model.licence, model.source)
     return table
+
+
+def list_command() -> None:
+    """Name all methods, proposers, descriptors, estimators and export formats."""
+    console = Console(emoji=False, highlight=False)
+    for registry in (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS):
+        console.print(f"[bold]{registry.kind}s[/bold]")
+        for name in registry.names():
+            console.print(f"  {name}", markup=False)

@@ -12,8 +12,8 @@ from rich.console import Console
 from nearfar.app import PACKAGES
 from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
-from nearfar.extras import require
-from nearfar.storage import is_text
+from nearfar.runtime.extras import require
+from nearfar.storage.locations import is_text
 
 
 def app_command(

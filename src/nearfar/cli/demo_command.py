@@ -10,13 +10,13 @@ from rich.progress import Progress, SpinnerColumn, TextColumn
 from rich.table import Table
 
 from nearfar.arrays import RGBPixels
-from nearfar.cli.status import FAILED
+from nearfar.cli.options import FAILED
 from nearfar.demo import METHODS, TOLERANCE, Scene, make_scene, true_error, true_scale_change
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
-from nearfar.pictures import save, save_small
-from nearfar.pictures.footprint import footprint_page
-from nearfar.pictures.page import Caption, Entry
+from nearfar.render import save, save_localization, save_small
+from nearfar.render.footprint import footprint_page
+from nearfar.render.page import Caption, Entry
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def demo_command(*, out: Path = Path("nearfar-demo")) -> int:
             progress.update(step, description=f"Localizing with {method}")
             found = Localizer(method=method).localize(far, near)
             trials.append(Trial(found, true_error(scene, found)))
-            found.save(out / method)
+            save_localization(found, out / method)
     best = min(trials, key=lambda trial: trial.error)
     picture = _overview(scene, best)
     if picture is not None:

@@ -6,14 +6,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from nearfar.cli.options import Flag, SettingsOptions, WeightOptions, with_weights
-from nearfar.cli.status import FAILED
+from nearfar.cli.options import FAILED, Flag, SettingsOptions, WeightOptions, with_weights
 from nearfar.errors import ExportError, SettingsError
-from nearfar.estimators import MODEL_NAMES, ModelKind
 from nearfar.exports import Exporter, Subject, exporter
-from nearfar.intrinsics import read_intrinsics
+from nearfar.geometry.intrinsics import read_intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
+from nearfar.models import MODEL_NAMES, ModelKind
+from nearfar.render import save_localization
 from nearfar.settings import Settings
 
 
@@ -55,7 +55,7 @@ def localize_command(
     found = localizer.localize(far, near, model=model, intrinsics=intrinsics)
     saved = []
     if save is not None:
-        saved = [*found.save(save), *_export(found, exporters, save, intrinsics)]
+        saved = [*save_localization(found, save), *_export(found, exporters, save, intrinsics)]
     sys.stdout.write((found.to_json() if as_json else _text(found, saved)) + "\n")
     return 0 if found.localized else FAILED
 

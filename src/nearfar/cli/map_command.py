@@ -10,32 +10,34 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from nearfar import logs
 from nearfar.cli.map_queries import Query, died, locate_query
 from nearfar.cli.options import (
+    BAD_INPUT,
     DEFAULT_WORK,
+    FAILED,
+    NO_WORLD,
     Flag,
     Place,
     WeightOptions,
     WorkOptions,
+    WorldOptions,
     with_weights,
 )
-from nearfar.cli.status import BAD_INPUT, FAILED
-from nearfar.cli.world_options import NO_WORLD, WorldOptions
 from nearfar.errors import SettingsError
-from nearfar.extras import require
-from nearfar.intrinsics import read_camera
+from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
-from nearfar.metrics import Meter
-from nearfar.progress import shown_progress
+from nearfar.runtime import progress as logs
+from nearfar.runtime.extras import require
+from nearfar.runtime.metrics import Meter
+from nearfar.runtime.progress import shown_progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from nearfar.cli.world_options import Attach
+    from nearfar.cli.options import Attach
     from nearfar.maps.build import Added
     from nearfar.maps.map import Map
-    from nearfar.storage import Location
+    from nearfar.storage.locations import Location
 
 map_app = App(name="map", help="Keep a map of many images, and locate others in it.")
 
@@ -162,7 +164,7 @@ def upgrade_command(folder: MapFolder, /) -> None:
         folder: Folder of the map.
     """
     require("map", *PACKAGES)
-    from nearfar.maps.upgrade import upgrade
+    from nearfar.maps.manifest import upgrade
 
     before, after = upgrade(folder)
     _say(f"format {before} -> {after}" if before != after else f"format {after} already")

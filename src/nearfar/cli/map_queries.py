@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from nearfar.errors import ImageError, NearfarError
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
-from nearfar.maps.world.geojson import feature_collection
-from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.maps.world.places import GeoPlace, QueryPose, feature_collection
 from nearfar.settings import Settings
-from nearfar.storage import Location, local_copy, staged
+from nearfar.storage.locations import Location, local_copy, staged
 
 if TYPE_CHECKING:
     from nearfar.maps.map import Map

@@ -1,17 +1,30 @@
-"""Options that several commands share."""
+"""Options that several commands share, and exit statuses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from nearfar import logs
-from nearfar.bench.workers import Workers
 from nearfar.errors import SettingsError
+from nearfar.geometry.intrinsics import read_camera
+from nearfar.maps import PACKAGES
+from nearfar.maps.world.places import PoseFormat
+from nearfar.runtime import progress as logs
+from nearfar.runtime.extras import require
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.storage import Url, location
+from nearfar.storage.locations import Url, location
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from nearfar.maps.map import Map
+    from nearfar.storage.locations import Location
+
+    Attach = Callable[[Map, Sequence[Location]], int]
+    """Attaches to images of a map what was read, and tells to how many."""
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
@@ -76,3 +89,60 @@ def with_weights(settings: Settings, weights: tuple[str, ...]) -> Settings:
             raise SettingsError(f"--weights needs NAME=FILE, not {item!r}")
         files[name] = Path(file)
     return settings.replace(weights=files)
+
+
+@Parameter(name="*", group="World coordinates")
+@dataclass(frozen=True, kw_only=True)
+class WorldOptions:
+    """Where cameras and poses of IMAGES are."""
+
+    colmap: Path | None = None
+    """COLMAP model of IMAGES: the folder of cameras, images and points3D."""
+
+    poses: Path | None = None
+    """Poses of IMAGES, in their order or by their names."""
+
+    pose_format: PoseFormat = "kitti"
+    """Of --poses: a 3x4 matrix a line, or time, centre and quaternion a line; both from the camera
+    to the world."""
+
+    intrinsics: Path | None = None
+    """With --poses, the camera that took IMAGES: JSON file {"map": [fx, fy, cx, cy]} in pixels of
+    the original images, or KITTI's calib.txt."""
+
+    def read(self) -> "list[Attach]":
+        """Read the files, so that those that cannot be read are known before a map is built.
+
+        Raises:
+            IntrinsicsError: the intrinsics cannot be read.
+            MapError: the model or the poses cannot be read.
+            SettingsError: one of --poses and --intrinsics is missing.
+        """
+        require("map", *PACKAGES)
+        attachments: list[Attach] = []
+        if (self.poses is None) != (self.intrinsics is None):
+            raise SettingsError(
+                "--poses and --intrinsics, of the camera of the map, need each other"
+            )
+        if self.colmap is not None:
+            from nearfar.maps.world.colmap import ColmapModel
+
+            model = ColmapModel(self.colmap)
+            attachments.append(lambda town, images: town.add_model(model, images))
+        if self.poses is not None and self.intrinsics is not None:
+            from nearfar.maps.world.poses import read_poses
+
+            poses = read_poses(self.poses, self.pose_format)
+            camera = read_camera(self.intrinsics, "map")
+            attachments.append(lambda town, images: town.add_poses(poses, camera, images))
+        return attachments
+
+
+NO_WORLD = WorldOptions()
+
+
+BAD_INPUT = 2
+"""Bad input or usage, with one line on the error output."""
+
+FAILED = 3
+"""A valid answer that says "not found"."""

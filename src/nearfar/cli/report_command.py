@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from nearfar.extras import require
+from nearfar.runtime.extras import require
 
 
 def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
@@ -20,7 +20,7 @@ def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
         out: Folder for the report; by default `report` in the first RUN.
     """
     require("bench", "jinja2", "matplotlib", "pyarrow")
-    from nearfar.bench.report.write import write_report
+    from nearfar.bench.report.page import write_report
 
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     for file in write_report([run, *runs], run / "report" if out is None else out):

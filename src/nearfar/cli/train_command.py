@@ -8,9 +8,9 @@ from cyclopts import App
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from nearfar.bench.rows import Row
 from nearfar.cli.options import Flag
-from nearfar.extras import require
+from nearfar.runtime.extras import require
+from nearfar.storage.rows import Row
 
 train_app = App(name="train", help="Train the landmark descriptor.")
 
@@ -44,8 +44,8 @@ def descriptor_command(
     require("train", "torch", "matplotlib")
     from nearfar.train.export import save_model
     from nearfar.train.photographs import held_out, read_photographs
-    from nearfar.train.plots import plot_learning
     from nearfar.train.training import FULL, SMALL, train
+    from nearfar.train.validation import plot_learning
 
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     size = SMALL if small else FULL

@@ -5,8 +5,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from nearfar.errors import WeightsError
+from nearfar.networks.weights import fetch, weights_file
 from nearfar.settings import NETWORKS, Settings
-from nearfar.weights import fetch, weights_file
 
 weights_app = App(name="weights", help="Fetch the weights of networks, or show where they are.")
 
@@ -44,7 +44,7 @@ def show_command() -> None:
 
 
 class _Bar:
-    """A `nearfar.weights.ProgressBar` on the terminal."""
+    """A `nearfar.networks.weights.ProgressBar` on the terminal."""
 
     def __init__(self, progress: Progress) -> None:
         self.total = 0

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import unit_rows
-from nearfar.registry import DESCRIPTORS
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.features.feature_map import unit_rows
 from nearfar.settings import Settings
 
 LEVELS = 4

@@ -5,8 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import FeatureMap, crop_resized, unit_rows
-from nearfar.registry import DESCRIPTORS
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.features.feature_map import FeatureMap, unit_rows
+from nearfar.imaging.crops import crop_resized
 from nearfar.settings import Settings
 
 SIZE = 64

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import FeatureMap
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.features.feature_map import FeatureMap
 from nearfar.networks.landmark_network import (
     CELLS,
     CROP,
@@ -17,7 +18,6 @@ from nearfar.networks.landmark_network import (
     part,
 )
 from nearfar.networks.runner import CropNetwork, MapNetwork
-from nearfar.registry import DESCRIPTORS
 from nearfar.settings import Settings
 
 

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.networks.resnet50 import SIZES, TAPS, resnet50_model
 from nearfar.networks.runner import CropNetwork
-from nearfar.registry import DESCRIPTORS
+from nearfar.networks.weights import read_weights, weights_file
 from nearfar.settings import Settings
-from nearfar.weights import read_weights, weights_file
 
 
 @DESCRIPTORS.register(*(f"resnet50-{tap}@{size}" for size in SIZES for tap in TAPS))

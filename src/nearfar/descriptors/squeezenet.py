@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import FeatureMap
+from nearfar.descriptors import DESCRIPTORS
+from nearfar.features.feature_map import FeatureMap
 from nearfar.networks.runner import CropNetwork, MapNetwork
 from nearfar.networks.squeezenet import SIZES, STRIDES, TAPS, squeezenet_model
-from nearfar.registry import DESCRIPTORS
+from nearfar.networks.weights import read_weights, weights_file
 from nearfar.settings import Settings
-from nearfar.weights import read_weights, weights_file
 
 SMALLEST_SIDE = 32
 """Of an image that the network sees whole, in pixels."""

@@ -1,81 +1,16 @@
 """Estimators: point matches -> model. One module an estimator."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.geometry.degeneracy import distinct_matches, finite_rows
-from nearfar.geometry.pose import RelativePose
-
-ModelKind = Literal["homography", "fundamental", "pose"]
-MODEL_KINDS: tuple[ModelKind, ...] = ("homography", "fundamental", "pose")
-MODEL_NAMES = {
-    "homography": "homography",
-    "fundamental": "fundamental matrix",
-    "pose": "relative pose",
-}
-"""What each kind is called in messages."""
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """What is to be estimated.
-
-    Attributes:
-        model: kind of model.
-        far_intrinsics: calibration matrix of the far camera in pixels of its working image; None
-            unless the model is a pose.
-        near_intrinsics: the same of the near camera.
-        expected: guesses of the homography, near to far pixels of the working images, that are
-            worth a try before any other; only the method `adaptive` uses them.
-    """
-
-    model: ModelKind
-    far_intrinsics: Matrix3 | None = None
-    near_intrinsics: Matrix3 | None = None
-    expected: tuple[Matrix3, ...] = ()
-
-    @property
-    def cameras(self) -> tuple[Matrix3, Matrix3]:
-        """Calibration matrices of the far and the near camera, for a pose.
-
-        Raises:
-            ValueError: one is missing.
-        """
-        if self.far_intrinsics is None or self.near_intrinsics is None:
-            raise ValueError("a pose needs the intrinsics of both cameras")
-        return self.far_intrinsics, self.near_intrinsics
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """The model that most matches agree with, or the reason why there is none.
-
-    Attributes:
-        far_from_near: homography or fundamental matrix (x_farᵀ F x_near = 0) in pixels of the
-            working images, or relative pose; None where nothing was found.
-        inliers: (N,) the matches that agree with it.
-        threshold: largest reprojection error or epipolar distance of an inlier, in pixels; the
-            latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac.
-        reason: why there is no model; None where there is one.
-    """
-
-    far_from_near: Matrix3 | RelativePose | None
-    inliers: Mask
-    threshold: float
-    reason: str | None = None
-
-
-def failure(matches: int, threshold: float, reason: str) -> Estimate:
-    """The estimate that found nothing among so many matches."""
-    return Estimate(None, np.zeros(matches, np.bool_), threshold, reason)
-
-
-LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.models import LEAST_MATCHES, MODEL_NAMES, Estimate, Task, failure
+from nearfar.registry import Registry
+from nearfar.verification.degeneracy import distinct_matches, finite_rows
 
 Fit = Callable[[Coordinates, Coordinates], tuple[Matrix3 | RelativePose, Mask] | None]
 """Far and near points, all finite -> model and inliers, or None where there is no model."""
@@ -139,3 +74,6 @@ class Estimator(Protocol):
             The estimate; never an exception, whatever the points are.
         """
         ...
+
+
+ESTIMATORS: Registry[Estimator] = Registry("estimator", "nearfar.estimators")

@@ -7,12 +7,12 @@ import numpy as np
 import poselib
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.estimators import LEAST_MATCHES, Estimate, Task, fit_guarded
-from nearfar.geometry.degeneracy import determines_homography, is_model
+from nearfar.estimators import ESTIMATORS, fit_guarded
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import normalized
-from nearfar.geometry.pose import RelativePose
-from nearfar.registry import ESTIMATORS
+from nearfar.models import LEAST_MATCHES, Estimate, Task
 from nearfar.settings import Settings
+from nearfar.verification.degeneracy import determines_homography, is_model
 
 MAX_ITERATIONS = 20_000
 """Enough to draw, at 80 % wrong matches, five right ones once with 99.8 % probability."""

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.estimators import LEAST_MATCHES, Estimate, Task, fit_guarded
+from nearfar.estimators import ESTIMATORS, fit_guarded
 from nearfar.estimators.lo_ransac import LoRansac
-from nearfar.geometry.degeneracy import determines_homography, is_model
 from nearfar.geometry.homography import normalized
-from nearfar.registry import ESTIMATORS
+from nearfar.models import LEAST_MATCHES, Estimate, Task
 from nearfar.settings import Settings
+from nearfar.verification.degeneracy import determines_homography, is_model
 
 CONFIDENCE = 0.9999
 MAX_ITERATIONS = 10_000

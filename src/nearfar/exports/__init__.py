@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nearfar.errors import SettingsError
 from nearfar.exports.subject import Subject
-from nearfar.intrinsics import IntrinsicsSource, read_intrinsics
+from nearfar.geometry.intrinsics import IntrinsicsSource, read_intrinsics
 from nearfar.localization import Localization
 from nearfar.registry import Registry
 from nearfar.settings import Settings

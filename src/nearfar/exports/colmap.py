@@ -13,16 +13,14 @@ import numpy as np
 
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.exports.indexed import indexed
-from nearfar.exports.subject import ImageNames
-from nearfar.extras import require
-from nearfar.geometry.epipolar import essential_from_pose
+from nearfar.exports.subject import ImageNames, indexed
+from nearfar.geometry.epipolar import RelativePose, essential_from_pose
 from nearfar.geometry.homography import translation
-from nearfar.geometry.pose import RelativePose
-from nearfar.image import Image
-from nearfar.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.imaging.image import Image
+from nearfar.runtime.extras import require
 from nearfar.settings import Settings
-from nearfar.storage import replaced
+from nearfar.storage.locations import replaced
 
 _GUESSED_FOCAL_LENGTH = 1.2
 """Of an unknown camera, in longest sides of its image; COLMAP's own default."""

@@ -8,12 +8,12 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.extras import require
-from nearfar.image import Image
+from nearfar.imaging.image import Image
 from nearfar.localization import Localization
-from nearfar.pictures.draw import AGREEING, MARK, Colour, spread
+from nearfar.render.draw import AGREEING, MARK, Colour, spread
+from nearfar.runtime.extras import require
 from nearfar.settings import Settings
-from nearfar.storage import replaced
+from nearfar.storage.locations import replaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

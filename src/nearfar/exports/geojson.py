@@ -8,13 +8,12 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.image import Image
+from nearfar.imaging.image import Image
+from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
-from nearfar.maps.raster import tiff_header
-from nearfar.maps.world.geojson import ring
 from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.places import WorldCoordinates
-from nearfar.storage import replaced
+from nearfar.maps.world.places import WorldCoordinates, ring
+from nearfar.storage.locations import replaced
 
 
 @EXPORTERS.register("geojson")

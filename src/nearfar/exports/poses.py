@@ -7,8 +7,8 @@ import numpy as np
 import poselib
 
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.geometry.pose import RelativePose
-from nearfar.storage import replaced
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.storage.locations import replaced
 
 FAR_CAMERA = RelativePose(np.eye(3), np.zeros(3))
 """In its own frame, which is the world of the list."""

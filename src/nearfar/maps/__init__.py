@@ -3,9 +3,9 @@
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from nearfar.extras import require
+from nearfar.runtime.extras import require
 from nearfar.settings import Settings
-from nearfar.storage import Url, location
+from nearfar.storage.locations import Url, location
 
 if TYPE_CHECKING:
     from nearfar.maps.map import Map

@@ -8,14 +8,14 @@ from typing import Any, Literal
 import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.pose import RelativePose
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.world.places import GeoPlace, QueryPose
-from nearfar.pictures import save
-from nearfar.pictures.footprint import footprint_page
-from nearfar.pictures.matches import point_matches
-from nearfar.pictures.page import Caption, Entry
-from nearfar.storage import Location, replaced
+from nearfar.render import save
+from nearfar.render.footprint import footprint_page
+from nearfar.render.matches import point_matches
+from nearfar.render.page import Caption, Entry
+from nearfar.storage.locations import Location, replaced
 
 
 @dataclass(frozen=True, eq=False)

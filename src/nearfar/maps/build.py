@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nearfar.bench.workers import Workers
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
-from nearfar.maps.entries import OK, Indexed, MapImage
+from nearfar.imaging.tiles import Core, Tile
 from nearfar.maps.files import content_hash, has_state, name_of, state_of
-from nearfar.maps.keypoints import packed_keypoints
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
-from nearfar.maps.sources import Core, Tile, levels, open_image
+from nearfar.maps.sources import levels, open_image
 from nearfar.maps.store import MapStore
-from nearfar.metrics import Meter, RunMetrics
-from nearfar.progress import Progress
+from nearfar.maps.tables import OK, Indexed, MapImage, packed_keypoints
+from nearfar.runtime.metrics import Meter, RunMetrics
+from nearfar.runtime.progress import Progress
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.storage import Location, is_text
+from nearfar.storage.locations import Location, is_text
 
 LANDMARKS_PER_COMMIT = 50_000
 """Images are committed together until they have so many; what a crash can lose."""

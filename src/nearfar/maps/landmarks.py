@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.adaptive.zoom import scaled
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform, translation
+from nearfar.methods.adaptive.zoom import scaled
 from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
 from nearfar.networks.runner import MapNetwork
 from nearfar.settings import Settings

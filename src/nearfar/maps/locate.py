@@ -6,32 +6,31 @@ from dataclasses import replace
 
 import numpy as np
 
-from nearfar.adaptive.views import FRONTAL, View, around, simulate
-from nearfar.adaptive.zoom import scaled
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, transform
-from nearfar.geometry.pose import RelativePose
-from nearfar.image import Image, ImageSource, read_image
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
-from nearfar.maps.entries import MapImage
 from nearfar.maps.files import file_of, is_unchanged
-from nearfar.maps.keypoints import unpacked_keypoints
 from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sources import copied, open_image
 from nearfar.maps.store import MapStore
+from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Place, localized_in, places
 from nearfar.maps.voting import Candidate, candidates, votes_of
 from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.posing import VIEWS, Posing
+from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.maps.world.views import ViewStore
-from nearfar.methods.adaptive import AdaptiveFeatures
+from nearfar.methods.adaptive.method import AdaptiveFeatures
+from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
+from nearfar.methods.adaptive.zoom import scaled
+from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
 
 HITS = 20
 """Map landmarks that each landmark of a query is compared by."""

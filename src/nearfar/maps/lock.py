@@ -18,7 +18,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from nearfar.errors import MapError, StorageError
-from nearfar.storage import Location, Url
+from nearfar.storage.locations import Location, Url
 
 FILE = "writer.lock"
 

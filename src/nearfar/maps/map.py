@@ -4,26 +4,25 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 
-from nearfar.bench.workers import Workers
 from nearfar.errors import MapError, SettingsError
-from nearfar.image import ImageSource
-from nearfar.intrinsics import CameraIntrinsics, CameraSource, read_camera
+from nearfar.geometry.intrinsics import CameraIntrinsics, CameraSource, read_camera
+from nearfar.imaging.image import ImageSource
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
-from nearfar.maps.check import Problem, problems
-from nearfar.maps.creation import create
-from nearfar.maps.entries import MapImage
-from nearfar.maps.files import name_of
+from nearfar.maps.database import create
+from nearfar.maps.files import Problem, name_of, problems
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
 from nearfar.maps.sources import image_files
 from nearfar.maps.store import MapStore
+from nearfar.maps.tables import MapImage
 from nearfar.maps.world.colmap import ColmapModel
 from nearfar.maps.world.poses import Poses
 from nearfar.maps.world.views import View, ViewStore
-from nearfar.progress import Progress, silent
+from nearfar.runtime.progress import Progress, silent
+from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.storage import Location, Url, location
+from nearfar.storage.locations import Location, Url, location
 
 TOP, VERIFY = 1, 5
 """Answers that are sought, and places that are looked at for them."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.maps.entries import Block
 from nearfar.maps.store import MapStore
+from nearfar.maps.tables import Block
 
 NONE = -1
 """Image of a hit that is missing, where the map has too few landmarks."""

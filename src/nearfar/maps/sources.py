@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from PIL import Image as PillowImage
 
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MapError
-from nearfar.geometry.homography import scaling, translation
-from nearfar.image import FORMATS, Image, read_image
-from nearfar.maps.raster import Raster, open_raster, tiff_header
-from nearfar.storage import FileState, Location, Url
+from nearfar.imaging.image import FORMATS, Image, read_image
+from nearfar.imaging.raster import Raster, open_raster, tiff_header
+from nearfar.imaging.tiles import Core, Tile
+from nearfar.storage.locations import FileState, Location, Url
 
 TILE = 1600
 """Longest side of a tile, in its pixels: the size at which pairs of images are localized."""
@@ -31,55 +31,6 @@ OVERLAP = 0.25
 """Of neighbouring tiles, as a share of their side, at least."""
 FINER = 2.0
 """How much more each level of tiles shows than the one before, at most."""
-
-
-@dataclass(frozen=True)
-class Tile:
-    """A window of an image, reduced.
-
-    Attributes:
-        left: of the window, in pixels of the original image.
-        top: the same.
-        width: the same.
-        height: the same.
-        columns: width of the tile in its own pixels.
-        rows: height of the tile in its own pixels.
-    """
-
-    left: int
-    top: int
-    width: int
-    height: int
-    columns: int
-    rows: int
-
-    @property
-    def original_from_tile(self) -> Matrix3:
-        """Maps pixels of the tile to pixels of the original image."""
-        enlarged = scaling(self.width / self.columns, self.height / self.rows)
-        return np.asarray(translation(self.left, self.top) @ enlarged)
-
-    @property
-    def scale(self) -> float:
-        """Size in the tile over size in the original image."""
-        return math.sqrt(self.columns * self.rows / (self.width * self.height))
-
-
-@dataclass(frozen=True)
-class Core:
-    """The part of a tile whose landmarks no other tile of its level has, in original pixels.
-
-    Attributes:
-        left: included.
-        top: included.
-        right: not included.
-        bottom: not included.
-    """
-
-    left: float
-    top: float
-    right: float
-    bottom: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,22 +15,25 @@ from lancedb.index import IvfRq
 from numpy.typing import NDArray
 
 from nearfar.errors import MapError
+from nearfar.imaging.tiles import Tile
 from nearfar.maps.database import connect, database_errors, open_table, own_errors
-from nearfar.maps.entries import Block, Indexed, Likeness, MapImage
 from nearfar.maps.lock import writer_lock
 from nearfar.maps.manifest import read_manifest
-from nearfar.maps.sources import Tile
 from nearfar.maps.tables import (
     IMAGES,
     SCHEMAS,
     WINDOW,
+    Block,
+    Indexed,
+    Likeness,
+    MapImage,
     block_of,
     landmark_rows,
     owners,
     table_of,
     tile_rows,
 )
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 
 INDEX_FROM = 200_000
 """Landmarks without an index from which on one is built; comparing with fewer takes less time."""

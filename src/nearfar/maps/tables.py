@@ -1,16 +1,104 @@
-"""The tables of a map: their columns, and rows of them."""
+"""The tables of a map: their columns and the rows they hold."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
+from nearfar.arrays import RGBPixels
+from nearfar.features.keypoints import Keypoints, keypoints_of, rooted, sift
+from nearfar.imaging.tiles import Tile
 from nearfar.maps.database import connect
-from nearfar.maps.entries import Block, Indexed
-from nearfar.maps.landmarks import DIMENSIONS
-from nearfar.storage import Location
+from nearfar.maps.landmarks import DIMENSIONS, Landmarks
+from nearfar.methods.adaptive.method import CONTRAST
+from nearfar.storage.locations import Location
+
+OK = "ok"
+"""Status of an image that could be read."""
+
+
+@dataclass(frozen=True)
+class MapImage:
+    """An image of a map.
+
+    Attributes:
+        id: number by which tiles and landmarks name it; it tells name and content.
+        name: path of its file, relative to the folder that holds the map.
+        sha256: of the file's content; empty where that could not be read.
+        width: as displayed, in pixels; 0 where it could not be read.
+        height: the same.
+        status: "ok", or why it could not be read.
+        landmarks: how many it has.
+        size: of the file, in bytes; -1 where it has to be looked at again.
+        modified: time of the file's last change, in nanoseconds since 1970; -1 likewise.
+    """
+
+    id: int
+    name: str
+    sha256: str
+    width: int
+    height: int
+    status: str
+    landmarks: int
+    size: int = -1
+    modified: int = -1
+
+    @property
+    def usable(self) -> bool:
+        """Whether it could be read."""
+        return self.status == OK
+
+
+@dataclass(frozen=True, eq=False)
+class Indexed:
+    """All that a map holds of one image.
+
+    Attributes:
+        image: its row.
+        tiles: each tile with its packed keypoints.
+        landmarks: in pixels of the original image.
+    """
+
+    image: MapImage
+    tiles: list[tuple[Tile, bytes]]
+    landmarks: Landmarks
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some landmarks of a map.
+
+    Attributes:
+        image: (N,) ids of their images.
+        place: (N, 3) x and y of the centre, and side, in pixels of the original image.
+        vectors: (N, 256).
+    """
+
+    image: NDArray[np.int64]
+    place: NDArray[np.float32]
+    vectors: NDArray[np.float16]
+
+
+@dataclass(frozen=True, eq=False)
+class Likeness:
+    """What an index finds, in any order.
+
+    Attributes:
+        query: (N,) number of the query landmark.
+        image: (N,) id of the image of the map landmark.
+        place: (N, 3) as in `Block`.
+        similarity: (N,) cosine.
+    """
+
+    query: NDArray[np.intp]
+    image: NDArray[np.int64]
+    place: NDArray[np.float32]
+    similarity: NDArray[np.float32]
+
 
 IMAGES = pa.schema(
     [
@@ -98,3 +186,29 @@ def table_of(columns: Sequence[Any], schema: pa.Schema) -> pa.Table:
         for column, field in zip(columns, schema, strict=True)
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+MOST = 4000
+"""Keypoints that are kept of a tile, those of the highest contrast."""
+
+_RECORD = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("size", "<f4"), ("angle", "<f4"), ("vector", "u1", 128)]
+)
+"""SIFT's own values, which are lossless so; 144 bytes."""
+
+
+def packed_keypoints(pixels: RGBPixels) -> bytes:
+    """The keypoints of an image that the method `adaptive` would find, at most `MOST`."""
+    table, vectors = keypoints_of(pixels, sift(CONTRAST, MOST))
+    records = np.empty(len(table), _RECORD)
+    for column, name in enumerate(("x", "y", "size", "angle")):
+        records[name] = table[:, column]
+    records["vector"] = vectors
+    return records.tobytes()
+
+
+def unpacked_keypoints(blob: bytes) -> Keypoints:
+    """The keypoints of `packed_keypoints`."""
+    records = np.frombuffer(blob, _RECORD)
+    columns = [records[name].astype(np.float64) for name in ("x", "y", "size", "angle")]
+    return rooted(np.column_stack(columns), records["vector"].astype(np.float32))

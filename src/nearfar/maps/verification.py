@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, outline, transform
-from nearfar.geometry.pose import RelativePose
-from nearfar.intrinsics import CameraIntrinsics, Intrinsics
-from nearfar.landmarks import LandmarkMatches
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.imaging.tiles import Tile
+from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
-from nearfar.maps.sources import Tile
 from nearfar.maps.voting import Candidate
 
 SWAPPED_FROM = 1.25

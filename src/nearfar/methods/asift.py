@@ -3,8 +3,7 @@
 import cv2
 
 from nearfar.arrays import IndexPairs, RGBPixels
-from nearfar.point_method import PointMethod, tuned_estimator
-from nearfar.points import (
+from nearfar.features.keypoints import (
     Points,
     detect,
     match_points_by_ratio,
@@ -12,7 +11,8 @@ from nearfar.points import (
     root_sift,
     sift,
 )
-from nearfar.registry import METHODS
+from nearfar.methods import METHODS
+from nearfar.methods.points import PointMethod, tuned_estimator
 from nearfar.settings import Settings
 
 POINTS_PER_VIEW = 500

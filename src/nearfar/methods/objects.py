@@ -1,12 +1,12 @@
 """The paper's baseline without points: the centres of matched landmarks are the matches."""
 
 from nearfar.arrays import RGBPixels
-from nearfar.estimators import Task
-from nearfar.landmarks import LandmarkDetector, LandmarkLayers, centres, match_layers
-from nearfar.methods import Answer
-from nearfar.registry import ESTIMATORS, METHODS
+from nearfar.estimators import ESTIMATORS
+from nearfar.landmarks.landmarks import LandmarkDetector, LandmarkLayers, centres, match_layers
+from nearfar.methods import METHODS
+from nearfar.models import Answer, Task
+from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
 
 
 @METHODS.register("objects")

@@ -3,19 +3,19 @@
 from dataclasses import dataclass
 
 from nearfar.arrays import Coordinates, RGBPixels
-from nearfar.estimators import Estimator, Task
-from nearfar.landmarks import (
+from nearfar.estimators import ESTIMATORS, Estimator
+from nearfar.features.keypoints import Points, detect_sift, match_points_in_boxes
+from nearfar.landmarks.landmarks import (
     LandmarkDetector,
     LandmarkLayers,
     LandmarkMatches,
     centres,
     match_layers,
 )
-from nearfar.methods import Answer
-from nearfar.points import Points, detect_sift, match_points_in_boxes
-from nearfar.registry import ESTIMATORS, METHODS
+from nearfar.methods import METHODS
+from nearfar.models import Answer, Task
+from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
-from nearfar.timing import StageTimer
 
 LEAST_POINT_MATCHES = 5
 """With fewer, the authors' code takes the centres of the matched boxes instead."""

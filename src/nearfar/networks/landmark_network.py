@@ -4,8 +4,8 @@ from importlib import resources
 
 from nearfar.errors import WeightsError
 from nearfar.networks.graph import INPUT
+from nearfar.networks.weights import weights_file
 from nearfar.settings import Settings
-from nearfar.weights import weights_file
 
 FILE = "landmark_network.onnx"
 """In the package `nearfar.networks`; docs/descriptor.md is its model card."""

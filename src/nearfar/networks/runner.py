@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors import FeatureMap, crop_resized, unit_rows
 from nearfar.errors import WeightsError
+from nearfar.features.feature_map import FeatureMap, unit_rows
+from nearfar.imaging.crops import crop_resized
 from nearfar.networks.graph import INPUT
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from nearfar.arrays import Boxes, RGBPixels
+from nearfar.registry import Registry
 
 
 class Proposer(Protocol):
@@ -47,3 +48,6 @@ def scaled_boxes(boxes: Boxes, size: tuple[int, int], full_size: tuple[int, int]
     start = np.floor(boxes[:, :2] * factor + 0.5)
     end = np.floor((boxes[:, :2] + boxes[:, 2:]) * factor + 0.5)
     return np.hstack([start, end - start]).astype(np.int32)
+
+
+PROPOSERS: Registry[Proposer] = Registry("proposer", "nearfar.proposals")

@@ -4,9 +4,8 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.image import reduced_size
-from nearfar.proposals import canonical, keep_object_like, scaled_boxes
-from nearfar.registry import PROPOSERS
+from nearfar.imaging.image import reduced_size
+from nearfar.proposals import PROPOSERS, canonical, keep_object_like, scaled_boxes
 from nearfar.settings import Settings
 
 PAPER_K, OPENCV_K = 500, 150

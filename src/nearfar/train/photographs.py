@@ -8,7 +8,7 @@ import numpy as np
 
 from nearfar.arrays import RGBPixels
 from nearfar.errors import NearfarError, TrainingError
-from nearfar.image import read_image
+from nearfar.imaging.image import read_image
 
 SMALLEST_SIDE = 64
 """Of a photograph worth training on, in pixels."""

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
 
-from nearfar.bench.rows import Row, RowFile
 from nearfar.errors import SettingsError, TrainingError
-from nearfar.storage import replaced
+from nearfar.storage.locations import replaced
+from nearfar.storage.rows import Row, RowFile
 from nearfar.train.batches import Batch, Batches, BatchShape
 from nearfar.train.losses import contrastive_loss, counterparts, middle, template_loss
 from nearfar.train.network import LandmarkNetwork

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.arrays import RGBPixels
-from nearfar.intrinsics import CameraIntrinsics
-from nearfar.points import keypoints_of, sift
+from nearfar.features.keypoints import keypoints_of, sift
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from tests.maps.world.room import CAMERA, SIZE, Pose, Room
 
 KEPT = 0.4

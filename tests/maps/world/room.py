@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import scaling, transform
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 
 SIZE = (800, 560)
 CAMERA = CameraIntrinsics(700, 700, 400.0, 280.0)

@@ -8,7 +8,7 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.maps.entries import MapImage
+from nearfar.maps.tables import MapImage
 from nearfar.maps.world.colmap import ColmapModel
 from nearfar.maps.world.places import QueryPose
 from tests.maps.conftest import write

@@ -15,11 +15,11 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.cli import main
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import translation
-from nearfar.maps.raster import tiff_header
+from nearfar.imaging.raster import tiff_header
 from nearfar.maps.sources import open_image
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.places import GeoPlace
-from tests.maps.test_raster import write_tiff
+from tests.imaging.test_raster import write_tiff
 
 rasterio = pytest.importorskip("rasterio")
 pytest.importorskip("lancedb")

@@ -8,9 +8,9 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.intrinsics import read_camera
-from nearfar.maps.entries import MapImage
+from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps.map import Map
+from nearfar.maps.tables import MapImage
 from nearfar.maps.world.poses import Poses, read_poses
 from tests.maps.conftest import write
 from tests.maps.world.conftest import Tour

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import Coordinates
-from nearfar.geometry.pose import RelativePose
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.maps.world.query_pose import query_pose
-from nearfar.maps.world.scene import ViewMatches, of_tracks
-from nearfar.maps.world.triangulation import meeting_point, triangulated
+from nearfar.maps.world.scene import ViewMatches, meeting_point, of_tracks, triangulated
 from nearfar.maps.world.views import View
 
 pytest.importorskip("lancedb")

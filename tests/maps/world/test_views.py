@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from nearfar import open_map
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.world.views import View, ViewStore
 
 

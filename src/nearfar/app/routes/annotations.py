@@ -9,8 +9,16 @@ from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
-from nearfar.app.annotation import Agreement, Point, PointPairs, agreement, targets
-from nearfar.app.annotations import Annotation, AnnotationChange, AnnotationRequest
+from nearfar.app.annotations import (
+    Agreement,
+    Annotation,
+    AnnotationChange,
+    AnnotationRequest,
+    Point,
+    PointPairs,
+    agreement,
+    targets,
+)
 from nearfar.app.export import (
     Images,
     add_to_benchmark,

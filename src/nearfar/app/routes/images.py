@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 import numpy as np
 from fastapi import APIRouter, HTTPException, Query, Request, Response
 
+from nearfar.app.files import shown_name
 from nearfar.app.library import Folder, FolderKind, Listing
 from nearfar.app.renditions import LARGEST_FRAME, LONGEST, THUMBNAIL
 from nearfar.app.routes import Held
-from nearfar.app.uploads import shown_name
 from nearfar.errors import NearfarError
 
 router = APIRouter(prefix="/api")

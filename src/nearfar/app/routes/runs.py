@@ -10,8 +10,8 @@ from nearfar.app.configuration import MEGABYTE
 from nearfar.app.routes import Held
 from nearfar.app.runs import Run, read_run
 from nearfar.errors import MissingExtraError
-from nearfar.extras import require
 from nearfar.maps import PACKAGES
+from nearfar.runtime.extras import require
 
 router = APIRouter(prefix="/api")
 

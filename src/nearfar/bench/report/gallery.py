@@ -13,8 +13,8 @@ from nearfar.bench.report.load import Benchmark, Result
 from nearfar.bench.report.summary import by_group, by_method
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import footprint
-from nearfar.image import read_image
-from nearfar.pictures.draw import clipped
+from nearfar.imaging.image import read_image
+from nearfar.render.draw import clipped
 
 MOST_CARDS = 120
 """Cards of a whole report, so that the page stays small."""

@@ -1,13 +1,15 @@
-"""The page of a report, rendered from its template."""
+"""The pages of a report."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from nearfar.bench.report.charts import SERIES
 from nearfar.bench.report.gallery import MOST_CARDS, Gallery
-from nearfar.bench.report.load import Benchmark, Result, RunRecord
+from nearfar.bench.report.latex import latex_tables, write_rows
+from nearfar.bench.report.load import Benchmark, Result, RunRecord, load_benchmarks, load_record
 from nearfar.bench.report.summary import DASH, by_group, by_method
 from nearfar.bench.report.views import benchmark_view, settings_view
 
@@ -87,3 +89,26 @@ def _short(value: float | None) -> str:
         return f"{value:.2e}"
     digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
     return f"{value:,.{digits}f}"
+
+
+def write_report(runs: Sequence[Path], out: Path) -> list[Path]:
+    """Write `report.html`, `tables.tex`, `results.csv` and `results.parquet`.
+
+    Args:
+        runs: folders of results.
+        out: where to write; made where missing.
+
+    Returns:
+        The files written.
+
+    Raises:
+        BenchmarkError: there are no results.
+        OSError: a file cannot be written.
+    """
+    benchmarks = load_benchmarks(runs)
+    page = render(benchmarks, [load_record(run) for run in runs])
+    out.mkdir(parents=True, exist_ok=True)
+    html, tex = out / "report.html", out / "tables.tex"
+    html.write_text(page, encoding="utf-8")
+    tex.write_text(latex_tables(benchmarks), encoding="utf-8")
+    return [html, tex, *write_rows(benchmarks, out)]

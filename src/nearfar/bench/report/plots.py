@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from nearfar.bench.evaluate import STRICT_DEGREES, STRICT_PX
-from nearfar.bench.kitti_summary import MEASURES
-from nearfar.bench.report.charts import SERIES, Chart, chart
-from nearfar.bench.report.drawing import (
+from nearfar.bench.report.charts import (
     LEAST_ERROR,
+    SERIES,
+    Chart,
+    chart,
     colour,
     error_axis,
     fit,
@@ -33,6 +34,7 @@ from nearfar.bench.report.summary import (
     stage_means,
     summarize,
 )
+from nearfar.bench.studies.kitti_summary import MEASURES
 
 _MOST_METHODS = len(SERIES)
 _MOST_POINTS = 2_000

@@ -5,10 +5,10 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from nearfar.bench.kitti_summary import MEASURES, PAPER_PAIRS, PAPER_TABLE_II
-from nearfar.bench.pairs_summary import PAPER_TABLE_III
 from nearfar.bench.report.load import Benchmark, Result
 from nearfar.bench.report.summary import DASH, by_method, is_pose, measured, summarize
+from nearfar.bench.studies.kitti_summary import MEASURES, PAPER_PAIRS, PAPER_TABLE_II
+from nearfar.bench.studies.pairs import PAPER_TABLE_III
 
 KITTI_PAIRS = range(40_000, 42_000)
 """So many pairs of sequences 00-10 are the paper's experiment."""

@@ -2,9 +2,8 @@
 
 from cyclopts import App
 
-from nearfar.cli.bench.kitti_command import kitti_command
 from nearfar.cli.bench.landmarks_command import landmarks_command
-from nearfar.cli.bench.pairs_command import pairs_command
+from nearfar.cli.bench.pairs_command import kitti_command, pairs_command
 from nearfar.cli.bench.scale_curve_command import scale_curve_command
 from nearfar.cli.bench.sweep_command import sweep_command
 

@@ -7,23 +7,23 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
-from nearfar.bench.landmark_plot import plot_recall
-from nearfar.bench.landmark_summary import (
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.landmark_summary import (
     Tally,
     bin_table,
+    plot_recall,
     ratio_table,
     recall_table,
     tallies,
 )
-from nearfar.bench.landmarks import SEARCHES, Search, has_feature_maps, run_landmarks
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.rows import Row
-from nearfar.bench.scale_curve import base_pairs
+from nearfar.bench.studies.landmarks import SEARCHES, Search, has_feature_maps, run_landmarks
+from nearfar.bench.studies.scale_curve import base_pairs
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
 from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import SettingsError
-from nearfar.extras import require
+from nearfar.runtime.extras import require
 from nearfar.settings import Settings
+from nearfar.storage.rows import Row
 
 _TITLES = {
     "boxes": "Among the boxes of the far image",

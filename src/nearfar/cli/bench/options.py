@@ -8,15 +8,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from nearfar.bench.cases import Case
-from nearfar.bench.rows import Row
-from nearfar.bench.run import run
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.runner import run
 from nearfar.cli.options import Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
-from nearfar.extras import require
-from nearfar.registry import METHODS
+from nearfar.methods import METHODS
+from nearfar.runtime.extras import require
 from nearfar.settings import Settings
-from nearfar.storage import Location, Url
+from nearfar.storage.locations import Location, Url
+from nearfar.storage.rows import Row
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

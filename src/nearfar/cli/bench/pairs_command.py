@@ -1,18 +1,26 @@
-"""`nearfar bench pairs`."""
+"""`nearfar bench pairs` and `nearfar bench kitti`."""
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
 from rich.console import Console
 
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.pairs_plot import plot_pairs
-from nearfar.bench.pairs_summary import table_three
-from nearfar.bench.paper_size import resized_to_paper
-from nearfar.bench.risk import risk_table
-from nearfar.bench.tables import success_table, time_table
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.kitti import PairCounts, count_pairs, find_kitti_cases
+from nearfar.bench.studies.kitti_summary import (
+    PAPER_PAIRS,
+    fit_table,
+    plot_kitti,
+    step_table,
+    table_two,
+)
+from nearfar.bench.studies.pairs import plot_pairs, resized_to_paper, table_three
+from nearfar.bench.tables import risk_table, success_table, time_table
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases, sampled
 from nearfar.cli.options import Flag
-from nearfar.storage import staged
+from nearfar.errors import BenchmarkError, SettingsError
+from nearfar.storage.locations import staged
 
 
 def pairs_command(
@@ -55,3 +63,67 @@ def pairs_command(
     with staged(options.out) as folder:
         file = plot_pairs(rows, folder)
     console.print(f"saved {options.out / file.name}", markup=False)
+
+
+def kitti_command(
+    folder: Path,
+    /,
+    *,
+    count_only: Flag = False,
+    sequence: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    options: RunOptions | None = None,
+    settings: BenchSettings = DEFAULTS,
+) -> None:
+    """Estimate the relative poses of the paper's pairs of KITTI Odometry frames.
+
+    FOLDER has the official layout: sequences/XX/image_2 (or image_0), sequences/XX/calib.txt,
+    poses/XX.txt; frames and sequences may be missing. Where image_3 (or image_1) is there, lengths
+    are taken from stereo. Results go to OUT/kitti.jsonl, one line a pair and method, and plots
+    beside them.
+
+    Args:
+        folder: Folder of the KITTI Odometry data.
+        count_only: Count the pairs that the poses give, and do nothing else.
+        sequence: Use only this sequence, e.g. 00; may be repeated.
+    """
+    console = Console(emoji=False, highlight=False, soft_wrap=True)
+    if count_only and sequence:
+        raise SettingsError("--count-only counts the pairs of all sequences: leave out --sequence")
+    if count_only:
+        console.print(_counts(count_pairs(folder)), markup=False)
+        return
+    if options is None:
+        raise SettingsError("name a folder for the results with --out, or use --count-only")
+    cases = [
+        case
+        for case in find_kitti_cases(folder)
+        if not sequence or case.tags["sequence"] in sequence
+    ]
+    found = {case.tags["sequence"] for case in cases}
+    if missing := sorted(set(sequence) - found):
+        raise BenchmarkError(f"{folder} has no pairs of the sequences {', '.join(missing)}")
+    rows = run_cases(cases, options, settings, "kitti")
+    titles = {
+        "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
+        "Share within 5 degrees": step_table(rows),
+        "Fits of the group means, a + b ln(metres)": fit_table(rows),
+        "Wrong among the answers, at the share of pairs answered": risk_table(
+            rows, settings.max_false_alarms
+        ),
+        "Median seconds by stage, where it ran": time_table(rows),
+    }
+    for title, table in titles.items():
+        console.print(f"{title}:\n\n{table}\n", markup=False)
+    with staged(options.out) as folder:
+        files = plot_kitti(rows, folder)
+    for file in files:
+        console.print(f"saved {options.out / file.name}", markup=False)
+
+
+def _counts(counts: PairCounts) -> str:
+    return (
+        f"pairs (i, i + j), j = 1...10, every 5th frame: {counts.all_pairs:,}\n"
+        f"of those, gaze within 45 degrees about each axis: {counts.within:,}\n"
+        f"of those, in full windows (frame i + 10 exists): {counts.full_windows:,}\n"
+        f"reported by the paper: {PAPER_PAIRS:,}"
+    )

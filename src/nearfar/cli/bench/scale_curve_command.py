@@ -9,14 +9,12 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
-from nearfar.bench.backgrounds import Backgrounds
-from nearfar.bench.cases import Case
-from nearfar.bench.curve_tables import difference_table, half_table, rate_table
-from nearfar.bench.curves import outcomes
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.plots_curve import plot_curve
-from nearfar.bench.rows import Row
-from nearfar.bench.scale_curve import (
+from nearfar.bench.datasets.backgrounds import Backgrounds
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.curve_figures import difference_table, half_table, plot_curve, rate_table
+from nearfar.bench.studies.curves import outcomes
+from nearfar.bench.studies.scale_curve import (
     FACTORS,
     MODES,
     Mode,
@@ -34,7 +32,8 @@ from nearfar.cli.bench.options import (
     sampled,
 )
 from nearfar.errors import BenchmarkError
-from nearfar.extras import require
+from nearfar.runtime.extras import require
+from nearfar.storage.rows import Row
 
 _TITLES = {
     "pairs": "Real pairs by their own scale change",

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
-from nearfar.bench.kitti import find_kitti_cases
-from nearfar.bench.pair_folders import find_pairs
-from nearfar.bench.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.studies.kitti import find_kitti_cases
+from nearfar.bench.studies.sweep import Grid, first_pairs, run_sweep, sweep_table, write_summary
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
 from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import BenchmarkError, SettingsError

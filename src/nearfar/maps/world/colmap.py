@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from nearfar.errors import IntrinsicsError, MapError
-from nearfar.extras import require
-from nearfar.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
-from nearfar.maps.entries import MapImage
+from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.maps.tables import MapImage
 from nearfar.maps.world.views import View
+from nearfar.runtime.extras import require
 
 
 class ColmapModel:

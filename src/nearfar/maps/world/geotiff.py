@@ -6,7 +6,7 @@ import numpy as np
 
 from nearfar.arrays import Matrix3
 from nearfar.geometry.homography import footprint, transform, translation
-from nearfar.maps.raster import opened, tiff_header
+from nearfar.imaging.raster import opened, tiff_header
 from nearfar.maps.world.places import GeoOutline, GeoPlace, WorldCoordinates
 
 WGS84 = "EPSG:4326"

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
 from nearfar.errors import MapError
-from nearfar.intrinsics import CameraIntrinsics
-from nearfar.maps.entries import MapImage
+from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.maps.tables import MapImage
 from nearfar.maps.world.places import PoseFormat
 from nearfar.maps.world.views import View
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 
 ROUNDING = 0.01
 """By how much rounded rotations may stretch."""

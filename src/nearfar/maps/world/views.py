@@ -9,9 +9,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
-from nearfar.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.database import connect, database_errors, open_table, own_errors
-from nearfar.storage import Location
+from nearfar.storage.locations import Location
 
 TABLE = "views"
 _SCHEMA = pa.schema(

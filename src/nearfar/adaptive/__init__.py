@@ -1,1 +1,0 @@
-"""The steps of the adaptive localizer: keypoints, votes, search, zoom, views, confidence."""

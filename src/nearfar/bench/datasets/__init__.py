@@ -1,0 +1,1 @@
+"""Benchmark data: pairs of images, KITTI sequences and made cases."""

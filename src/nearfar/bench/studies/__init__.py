@@ -1,0 +1,1 @@
+"""Benchmark studies: what is run on the data and what is reported of it."""

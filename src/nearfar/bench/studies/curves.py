@@ -1,0 +1,298 @@
+"""Curves of success against scale change."""
+
+import errno
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.evaluate import evaluate, failure_columns
+from nearfar.bench.tables import method_name
+from nearfar.errors import NearfarError
+from nearfar.localizer import Localizer
+from nearfar.runtime.extras import require
+from nearfar.settings import Settings
+from nearfar.storage.rows import Row
+
+_KEPT = (
+    "status",
+    "reason",
+    "far_from_near",
+    "inliers",
+    "matches",
+    "landmark_matches",
+    "scale_change",
+    "log10_false_alarms",
+    "confidence",
+    "step",
+    "seconds",
+)
+
+
+def identity(case: Case, settings: Settings, key: str, descriptor: str | None) -> Row:
+    """What a row says about its case and method before anything is computed.
+
+    Args:
+        case: the case.
+        settings: the method and its settings.
+        key: hash of the settings, from `settings_key`.
+        descriptor: name of the landmark descriptor; None for a method without landmarks.
+    """
+    return {
+        "case": case.name,
+        "group": case.group,
+        "tags": dict(case.tags),
+        "far": str(case.far),
+        "near": str(case.near),
+        "model": case.model,
+        "true_scale_change": case.scale_change,
+        "method": settings.method,
+        "descriptor": descriptor,
+        "settings": key,
+    }
+
+
+def localized_row(case: Case, localizer: Localizer, key: str) -> Row:
+    """Localize a case and compare with its truth.
+
+    Whatever goes wrong with one case is recorded in its row, so that a run goes on; a full disk
+    is not the case's fault and ends the run.
+
+    Args:
+        case: the case.
+        localizer: the method.
+        key: hash of its settings, from `settings_key`.
+
+    Raises:
+        OSError: the disk is full.
+    """
+    row = identity(case, localizer.settings, key, localizer.descriptor)
+    try:
+        found = localizer.localize(
+            case.far, case.near, model=case.model, intrinsics=case.intrinsics
+        )
+        answer, errors = found.to_dict(), evaluate(case, found)
+    except NearfarError as error:
+        return row | {"status": "error", "reason": str(error)} | failure_columns(case)
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        reason = f"{type(error).__name__}: {error}"
+        return row | {"status": "error", "reason": reason} | failure_columns(case)
+    return row | {name: answer[name] for name in _KEPT} | errors
+
+
+def died_row(case: Case, settings: Settings, key: str, descriptor: str | None) -> Row:
+    """The row of a case that killed its worker; arguments as those of `identity`."""
+    reason = "the process that localized it died"
+    row = identity(case, settings, key, descriptor)
+    return row | {"status": "error", "reason": reason} | failure_columns(case)
+
+
+EDGES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 48.0)
+"""Of the bins, each without its upper edge; the last one holds what the curve is known up to."""
+COVERAGE = 0.95
+"""Of the intervals."""
+RESAMPLES = 2000
+
+Measure = Literal["strict", "loose"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its interval; NaN where there are no cases."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Successes of several methods in the same cases.
+
+    Attributes:
+        methods: (M) their names.
+        scales: (N,) true scale change of each case.
+        bases: (N,) index of the base pair of each case, from 0.
+        success: (M, N).
+    """
+
+    methods: tuple[str, ...]
+    scales: NDArray[np.float64]
+    bases: NDArray[np.intp]
+    success: NDArray[np.bool_]
+
+
+def bin_index(scale: float) -> int | None:
+    """Which bin a scale change falls into; None for one outside all bins."""
+    if not EDGES[0] <= scale < EDGES[-1]:
+        return None
+    return int(np.searchsorted(EDGES, scale, side="right")) - 1
+
+
+def bin_names() -> list[str]:
+    """Names of all bins, e.g. "4-6"."""
+    return [f"{low:g}-{high:g}" for low, high in itertools.pairwise(EDGES)]
+
+
+def bin_name(scale: float) -> str | None:
+    """Name of the bin of a scale change; None for one outside all bins."""
+    index = bin_index(scale)
+    return None if index is None else bin_names()[index]
+
+
+def outcomes(rows: Sequence[Row], measure: Measure = "strict") -> Outcomes:
+    """The successes of all methods in the cases that every method has run.
+
+    Raises:
+        ValueError: a method has two rows for one case, e.g. of two settings.
+    """
+    methods = tuple(dict.fromkeys(method_name(row) for row in rows))
+    found = {(method_name(row), row["case"]): bool(row[measure]) for row in rows}
+    if len(found) != len(rows):
+        raise ValueError("a method has several rows for one case")
+    first = {row["case"]: row for row in rows}
+    cases = [case for case in first if all((method, case) in found for method in methods)]
+    names = [first[case]["tags"]["base"] for case in cases]
+    return Outcomes(
+        methods=methods,
+        scales=np.array([first[case]["true_scale_change"] for case in cases], np.float64),
+        bases=np.unique(np.array(names, np.str_), return_inverse=True)[1].astype(np.intp),
+        success=np.array(
+            [[found[method, case] for case in cases] for method in methods], np.bool_
+        ).reshape(len(methods), len(cases)),
+    )
+
+
+def resampled_weights(
+    bases: NDArray[np.intp], seed: int, resamples: int = RESAMPLES
+) -> NDArray[np.int64]:
+    """(resamples, N) how often each case comes in each resample of whole base pairs.
+
+    Args:
+        bases: (N,) index of the base pair of each case, from 0.
+        seed: of the resampling.
+        resamples: how many.
+    """
+    count = int(bases.max()) + 1 if len(bases) else 0
+    if count == 0:
+        return np.zeros((resamples, 0), np.int64)
+    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), resamples)
+    return np.asarray(drawn[:, bases], np.int64)
+
+
+def bin_rates(found: Outcomes, method: int, seed: int) -> list[Estimate]:
+    """Share of successes of a method in each bin."""
+    return _bin_means(found, found.success[method].astype(np.float64), seed)
+
+
+def bin_differences(found: Outcomes, first: int, second: int, seed: int) -> list[Estimate]:
+    """Share of successes of the first method minus that of the second, in each bin."""
+    difference = found.success[first].astype(np.float64) - found.success[second]
+    return _bin_means(found, difference, seed)
+
+
+def _bin_means(found: Outcomes, values: NDArray[np.float64], seed: int) -> list[Estimate]:
+    weights = resampled_weights(found.bases, seed)
+    means = []
+    for low, high in itertools.pairwise(EDGES):
+        inside = (found.scales >= low) & (found.scales < high)
+        if not inside.any():
+            means.append(Estimate(math.nan, math.nan, math.nan))
+            continue
+        total = weights[:, inside].sum(axis=1)
+        sums = weights[:, inside] @ values[inside]
+        # A resample without any case of the bin says nothing about it.
+        drawn = sums[total > 0] / total[total > 0]
+        means.append(estimate_of(float(values[inside].mean()), drawn))
+    return means
+
+
+def half_success(found: Outcomes, method: int, seed: int) -> Estimate:
+    """S50 of a method: the scale change at which its success falls to one half.
+
+    Infinite where it never does, 0 where it is below from the smallest scale change on, NaN
+    without cases.
+    """
+    if not len(found.scales):
+        return Estimate(math.nan, math.nan, math.nan)
+    success = found.success[method]
+    weights = resampled_weights(found.bases, seed)
+    drawn = np.array([half_point(found.scales, success, row) for row in weights])
+    value = half_point(found.scales, success, np.ones(len(success), np.int64))
+    return estimate_of(value, drawn)
+
+
+def scale_text(value: float, found: Outcomes) -> str:
+    """An S50 for people: "> largest" and "< smallest" where the curve does not cross one half."""
+    if math.isnan(value):
+        return "no cases"
+    if math.isinf(value):
+        return f"> {found.scales.max():.1f}"
+    return f"{value:.1f}" if value else f"< {found.scales.min():.1f}"
+
+
+def half_point(
+    scales: NDArray[np.float64], success: NDArray[np.bool_], weights: NDArray[np.int64]
+) -> float:
+    """Where the monotone fit of success falls to one half.
+
+    The fit is the weighted least-squares one among those that do not increase with scale (isotonic
+    regression); between two scale changes it is linear in their logarithms.
+
+    Args:
+        scales: (N,) scale changes.
+        success: (N,) whether there was success.
+        weights: (N,) how often each case counts, not all zero.
+
+    Returns:
+        The scale change; infinite where the fit stays above one half, 0 where it is below from
+        the start.
+    """
+    distinct, fitted = monotone_fit(scales, success, weights)
+    below = np.flatnonzero(fitted <= 0.5)
+    if not len(below):
+        return math.inf
+    index = below[0]
+    if index == 0:
+        return float(distinct[0]) if fitted[0] == 0.5 else 0.0
+    share = (fitted[index - 1] - 0.5) / (fitted[index - 1] - fitted[index])
+    start, end = np.log(distinct[index - 1]), np.log(distinct[index])
+    return float(np.exp(start + share * (end - start)))
+
+
+def monotone_fit(
+    scales: NDArray[np.float64], success: NDArray[np.bool_], weights: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distinct scale changes, increasing, and the fitted share of successes at each.
+
+    Args:
+        scales: (N,) scale changes.
+        success: (N,) whether each case succeeded.
+        weights: (N,) how often each case counts; may be 0.
+
+    Raises:
+        MissingExtraError: scipy is missing.
+    """
+    require("bench", "scipy")
+    from scipy import optimize
+
+    used = weights > 0
+    distinct, index = np.unique(scales[used], return_inverse=True)
+    total = np.bincount(index, weights[used])
+    share = np.bincount(index, weights[used] * success[used]) / total
+    fit = optimize.isotonic_regression(share, weights=total, increasing=False)
+    return distinct, np.asarray(fit.x, np.float64)
+
+
+def estimate_of(value: float, drawn: NDArray[np.float64]) -> Estimate:
+    """A value with the percentiles of its (N,) resamples; of these, some may be infinite."""
+    tail = (1 - COVERAGE) / 2
+    low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")
+    return Estimate(value, float(low), float(high))

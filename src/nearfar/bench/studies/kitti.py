@@ -1,0 +1,190 @@
+"""The KITTI Odometry experiment of the paper (section IV): pairs of frames and their poses."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Matrix3
+from nearfar.bench.datasets.composites import Case, Stereo
+from nearfar.errors import BenchmarkError
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+
+STEP = 5
+"""Every fifth frame is used."""
+LARGEST_J = 10
+"""A frame is paired with so many of its successors."""
+LARGEST_ANGLE = 45.0
+"""Pairs whose gaze differs by more in any axis are dropped, in degrees."""
+
+
+@dataclass(frozen=True)
+class FramePair:
+    """Frame `far` and its successor `near`, `j` used frames later."""
+
+    far: int
+    near: int
+    j: int
+
+
+def read_poses(file: Path) -> NDArray[np.float64]:
+    """(N, 4, 4) camera-to-world transforms of a KITTI pose file.
+
+    Raises:
+        BenchmarkError: the file cannot be read.
+    """
+    try:
+        rows = np.loadtxt(file, ndmin=2).reshape(-1, 3, 4)
+    except (OSError, ValueError) as error:
+        raise BenchmarkError(f"pose file {file} cannot be read: {error}") from error
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = rows
+    return poses
+
+
+def read_calibration(file: Path) -> dict[str, NDArray[np.float64]]:
+    """The (3, 4) projection matrices P0... of a KITTI calib.txt, by name.
+
+    Raises:
+        BenchmarkError: the file cannot be read.
+    """
+    projections = {}
+    try:
+        for line in file.read_text(encoding="utf-8").splitlines():
+            name, _, values = line.partition(":")
+            if name.startswith("P"):
+                projections[name] = np.array(values.split(), np.float64).reshape(3, 4)
+    except (OSError, ValueError) as error:
+        raise BenchmarkError(f"calibration {file} cannot be read: {error}") from error
+    return projections
+
+
+def frame_pairs(poses: NDArray[np.float64]) -> Iterator[FramePair]:
+    """All pairs of a sequence whose gaze differs by at most 45 degrees about each axis."""
+    used = range(0, len(poses), STEP)
+    for far in used:
+        for j in range(1, LARGEST_J + 1):
+            near = far + j * STEP
+            if near in used and np.abs(axis_angles(poses[far], poses[near])).max() <= LARGEST_ANGLE:
+                yield FramePair(far, near, j)
+
+
+def axis_angles(far: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) components about x, y and z of the rotation between two poses, in degrees.
+
+    They are those of the rotation vector: of the ways to split a rotation by axis it gives the
+    known number of pairs (41,281 of all sequences).
+    """
+    rotation_vector, _ = cv2.Rodrigues(far[:3, :3].T @ near[:3, :3])
+    return np.asarray(np.degrees(rotation_vector.ravel()))
+
+
+@dataclass(frozen=True)
+class PairCounts:
+    """How many pairs of frames the poses of some sequences give.
+
+    Attributes:
+        all_pairs: pairs (i, i + j) with j = 1...10.
+        within: those of them whose gaze differs by at most 45 degrees about each axis.
+        full_windows: those of them whose first frame has all ten successors.
+    """
+
+    all_pairs: int
+    within: int
+    full_windows: int
+
+
+def count_pairs(folder: Path) -> PairCounts:
+    """Count the pairs of all pose files in a folder of the official layout; needs no images.
+
+    Raises:
+        BenchmarkError: there are no pose files, or one cannot be read.
+    """
+    files = sorted((folder / "poses").glob("*.txt"))
+    if not files:
+        raise BenchmarkError(f"there are no pose files in {folder / 'poses'}")
+    all_pairs, within, full_windows = 0, 0, 0
+    for file in files:
+        poses = read_poses(file)
+        used = len(range(0, len(poses), STEP))
+        all_pairs += sum(min(LARGEST_J, used - 1 - index) for index in range(used))
+        pairs = list(frame_pairs(poses))
+        within += len(pairs)
+        full_windows += sum(pair.far + LARGEST_J * STEP < len(poses) for pair in pairs)
+    return PairCounts(all_pairs, within, full_windows)
+
+
+def find_kitti_cases(folder: Path) -> list[Case]:
+    """The pairs of all sequences in a folder of the official layout of which images are there.
+
+    Raises:
+        BenchmarkError: there are no images, or poses or the projection of their camera are missing.
+    """
+    cases = [
+        case
+        for sequence in sorted((folder / "sequences").glob("*"))
+        for case in _sequence_cases(sequence, folder / "poses" / f"{sequence.name}.txt")
+    ]
+    if not cases:
+        raise BenchmarkError(f"there are no pairs of KITTI images in {folder / 'sequences'}")
+    return cases
+
+
+def _sequence_cases(sequence: Path, pose_file: Path) -> Iterator[Case]:
+    number = next((n for n in (2, 0) if (sequence / f"image_{n}").is_dir()), None)
+    if number is None:
+        return
+    poses = read_poses(pose_file)
+    projections = read_calibration(sequence / "calib.txt")
+    left = projections.get(f"P{number}")
+    if left is None:
+        raise BenchmarkError(f"calibration {sequence / 'calib.txt'} has no P{number}")
+    camera = CameraIntrinsics(*(float(left[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+    camera_from_first = _offset(left)
+    for pair in frame_pairs(poses):
+        far, near = (_frame(sequence, number, frame) for frame in (pair.far, pair.near))
+        if not (far.exists() and near.exists()):
+            continue
+        relative = (
+            camera_from_first
+            @ np.linalg.inv(poses[pair.far])
+            @ poses[pair.near]
+            @ np.linalg.inv(camera_from_first)
+        )
+        right, other = _frame(sequence, number + 1, pair.far), projections.get(f"P{number + 1}")
+        stereo = None
+        if other is not None and right.exists():
+            stereo = Stereo(right, float(left[0, 3] - other[0, 3]) / camera.fx)
+        yield Case(
+            name=f"{sequence.name}/{pair.far:06d}-{pair.near:06d}",
+            group=f"j={pair.j}",
+            far=far,
+            near=near,
+            model="pose",
+            scale_change=None,
+            far_points=np.empty((0, 2)),
+            near_points=np.empty((0, 2)),
+            pose=RelativePose(relative[:3, :3], relative[:3, 3]),
+            intrinsics=Intrinsics(camera, camera),
+            stereo=stereo,
+            tags={
+                "sequence": sequence.name,
+                "j": pair.j,
+                "distance": float(np.linalg.norm(relative[:3, 3])),
+            },
+        )
+
+
+def _frame(sequence: Path, camera: int, frame: int) -> Path:
+    return sequence / f"image_{camera}" / f"{frame:06d}.png"
+
+
+def _offset(projection: Matrix3) -> NDArray[np.float64]:
+    """(4, 4) transform from camera 0, whose poses are known, to a rectified camera beside it."""
+    transform = np.eye(4)
+    transform[:3, 3] = np.linalg.solve(projection[:, :3], projection[:, 3])
+    return transform

@@ -1,0 +1,266 @@
+"""Landmark retrieval: how often a descriptor finds a region of the near image in the far one.
+
+A region is a proposal of the near image that the far image shows, as the true homography of the
+pair tells. It is searched for in the far image: among the proposals there, or at every place.
+"""
+
+import functools
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from nearfar.arrays import Boxes
+from nearfar.bench.datasets.composites import Case, random_generator
+from nearfar.bench.datasets.regions import (
+    LEVELS,
+    proposed_at_scales,
+    true_homography,
+    visible_regions,
+)
+from nearfar.bench.runner import scene
+from nearfar.bench.studies.landmark_search import BoxSearch, DenseSearch, Found, RegionSearch
+from nearfar.descriptors import DESCRIPTORS, DenseDescriptor, Descriptor
+from nearfar.errors import NearfarError, SettingsError
+from nearfar.imaging.image import Image, read_image
+from nearfar.proposals import PROPOSERS
+from nearfar.runtime.timing import StageTimer
+from nearfar.runtime.workers import Workers
+from nearfar.settings import Settings
+from nearfar.storage.feature_store import FeatureStore
+from nearfar.storage.rows import Row, RowFile, read_rows, record_run, settings_key
+
+Search = Literal["boxes", "dense"]
+SEARCHES: tuple[Search, ...] = ("boxes", "dense")
+
+FINE_K = 100
+"""Selective Search's k unless the settings give another: with the paper's 500 few regions have a
+counterpart among the boxes of the far image."""
+PROPOSAL_SIZE = 1000
+"""Longest side in pixels at which proposals are sought, unless the settings give another."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One pair, one descriptor and one kind of search.
+
+    Attributes:
+        case: the pair.
+        settings: with the descriptor.
+        key: hash of the settings.
+        search: kind of search.
+        asked: regions to search for.
+        features: folder in which proposals are kept.
+    """
+
+    case: Case
+    settings: Settings
+    key: str
+    search: Search
+    asked: int
+    features: Path
+
+    @property
+    def identity(self) -> tuple[str, str, str, int]:
+        """What no two rows have in common."""
+        return self.case.name, self.key, self.search, self.asked
+
+
+@dataclass(frozen=True, eq=False)
+class Proposals:
+    """The boxes of an image at several scales.
+
+    Attributes:
+        boxes: (N, 4) in pixels of the working image.
+    """
+
+    boxes: Boxes
+
+
+def run_landmarks(
+    cases: Sequence[Case],
+    settings: Sequence[Settings],
+    file: Path,
+    *,
+    regions: dict[Search, int],
+    workers: Workers | None = None,
+) -> list[Row]:
+    """Search for regions of every pair with every descriptor, skipping what the file holds already.
+
+    A pair that cannot be read, or kills its worker, is recorded with the reason, and the run goes
+    on. Results are the same for any number of workers, times aside. A descriptor without feature
+    maps has no rows of the dense search.
+
+    Args:
+        cases: pairs with a homography.
+        settings: one for each descriptor.
+        file: JSON Lines, one line a pair, descriptor and kind of search; made where missing.
+            `run.json` beside it tells the settings, the folder `features` holds proposals.
+        regions: how many regions of a pair to search for, by kind of search.
+        workers: where the work is done; None: this process.
+
+    Returns:
+        All rows of these pairs, settings and searches.
+
+    Raises:
+        SettingsError: a descriptor is unknown.
+        WeightsError: a descriptor needs weights that are missing or do not fit.
+        OSError: a result cannot be written; those before it are kept.
+    """
+    finer = [finer_proposals(each) for each in settings]
+    keys = [settings_key(each) for each in finer]
+    dense = [has_feature_maps(each) for each in finer]
+    wanted = [
+        Task(case, each, key, search, asked, file.parent / "features")
+        for search, asked in regions.items()
+        for each, key, maps in zip(finer, keys, dense, strict=True)
+        if search == "boxes" or maps
+        for case in cases
+    ]
+    rows = {_identity(row): row for row in read_rows(file)}
+    done = {identity for identity, row in rows.items() if row["status"] != "error"}
+    todo = [task for task in wanted if task.identity not in done]
+    with RowFile(file) as out:
+        record_run(file.parent, finer)
+        for row in _with_progress((workers or Workers()).run(landmark_row, todo, _died), len(todo)):
+            identity = _identity(row)
+            if identity not in rows or row["status"] != "error":  # Else it went wrong before, too.
+                out.append(row)
+                rows[identity] = row
+    return [rows[task.identity] for task in wanted]
+
+
+def finer_proposals(settings: Settings) -> Settings:
+    """The settings with the proposals of this benchmark where they leave the choice."""
+    return settings.replace(
+        proposal_k=settings.proposal_k or FINE_K,
+        proposal_max_size=settings.proposal_max_size or PROPOSAL_SIZE,
+    )
+
+
+def has_feature_maps(settings: Settings) -> bool:
+    """Whether the dense search can use the descriptor.
+
+    Raises:
+        SettingsError: it is unknown.
+        WeightsError: it needs weights that are missing or do not fit.
+    """
+    return isinstance(_descriptor(settings), DenseDescriptor)
+
+
+def landmark_row(task: Task) -> Row:
+    """Search for the regions of one pair; whatever goes wrong is recorded in the row."""
+    try:
+        return _start_of_row(task) | _searched(task)
+    except NearfarError as error:
+        return _failed(task, str(error))
+    except Exception as error:
+        return _failed(task, f"{type(error).__name__}: {error}")
+
+
+def _searched(task: Task) -> Row:
+    """The columns of a pair that could be searched."""
+    case, timer = task.case, StageTimer()
+    far, near = (_read(path, task.settings) for path in (case.far, case.near))
+    homography = true_homography(case, far, near)
+    height, width = far.pixels.shape[:2]
+    proposed = _proposals(near, task.settings, task.features)
+    visible = visible_regions(proposed, homography, (width, height))
+    rng = random_generator(task.settings.seed, case.name, "regions")
+    drawn = visible[rng.permutation(len(visible))[: task.asked]]
+    searcher = _searcher(case.far, task.settings, task.search, task.features)
+    with timer.stage("regions"):
+        found = searcher.find(near.pixels, drawn, homography)
+    return {
+        "status": "searched",
+        "reason": None,
+        "dimensions": searcher.dimensions,
+        "visible": len(visible),
+        "far_boxes": searcher.crops,
+        **_columns(found),
+        "seconds": {"far image": searcher.seconds, **timer.seconds},
+    }
+
+
+def _columns(found: Sequence[Found]) -> Row:
+    return {
+        "regions": len(found),
+        "findable": [each.findable for each in found],
+        "first_right": [each.first_right for each in found],
+        "average_precision": [each.average_precision for each in found],
+    }
+
+
+def _start_of_row(task: Task) -> Row:
+    """What a row says about its task before anything is computed."""
+    return {
+        "case": task.case.name,
+        "group": task.case.group,
+        "scene": scene(task.case.name),
+        "far": str(task.case.far),
+        "near": str(task.case.near),
+        "true_scale_change": task.case.scale_change,
+        "descriptor": task.settings.descriptor,
+        "search": task.search,
+        "asked": task.asked,
+        "settings": task.key,
+    }
+
+
+def _failed(task: Task, reason: str) -> Row:
+    empty = {"dimensions": None, "visible": 0, "far_boxes": 0, **_columns([]), "seconds": {}}
+    return _start_of_row(task) | {"status": "error", "reason": reason} | empty
+
+
+def _died(task: Task) -> Row:
+    """The row of a task that killed its worker."""
+    return _failed(task, "the process that searched it died")
+
+
+def _identity(row: Row) -> tuple[str, str, str, int]:
+    return row["case"], row["settings"], row["search"], row["asked"]
+
+
+@functools.lru_cache(maxsize=1)
+def _searcher(far: Path, settings: Settings, search: Search, features: Path) -> RegionSearch:
+    """The prepared far image; several pairs that follow each other may share it."""
+    image, descriptor = _read(far, settings), _descriptor(settings)
+    if search == "boxes":
+        return BoxSearch(image.pixels, _proposals(image, settings, features), descriptor)
+    if not isinstance(descriptor, DenseDescriptor):
+        raise SettingsError(f"the descriptor {settings.descriptor} has no feature maps")
+    return DenseSearch(image.pixels, descriptor)
+
+
+@functools.lru_cache(maxsize=1)
+def _descriptor(settings: Settings) -> Descriptor:
+    """The descriptor of this process."""
+    return DESCRIPTORS.create(settings.descriptor, settings)
+
+
+def _read(path: Path, settings: Settings) -> Image:
+    return read_image(path, max_size=settings.max_size, max_pixels=settings.max_pixels)
+
+
+def _proposals(image: Image, settings: Settings, folder: Path) -> Boxes:
+    """The proposals of an image, which all descriptors share."""
+    plain = settings.replace(method="paper", descriptor="hog", weights={})
+    proposer = PROPOSERS.create(plain.proposer, plain)
+
+    def compute() -> Proposals:
+        return Proposals(proposed_at_scales(image.pixels, proposer, plain.proposal_max_size))
+
+    key = f"{image.content_hash} {LEVELS}"
+    return np.asarray(FeatureStore(folder).of(plain).get_or_compute(key, compute).boxes)
+
+
+def _with_progress(rows: Iterable[Row], total: int) -> Iterable[Row]:
+    """The rows, with a bar on a terminal."""
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not sys.stderr.isatty()) as progress:
+        yield from progress.track(rows, total=total, description="pairs")

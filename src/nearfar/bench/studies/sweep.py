@@ -1,0 +1,264 @@
+"""The paper's sweep: method `paper` with every layer and crop size of a network (section IV)."""
+
+import functools
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from nearfar.bench.datasets.composites import Case
+from nearfar.bench.studies.curves import died_row, localized_row
+from nearfar.bench.studies.tap_features import NETWORKS, Tap, TapFeatures, TapMethod, taps_of
+from nearfar.bench.tables import distinct, markdown
+from nearfar.errors import BenchmarkError, SettingsError, WeightsError
+from nearfar.estimators import ESTIMATORS
+from nearfar.localizer import Localizer
+from nearfar.networks.weights import weights_file
+from nearfar.runtime.metrics import Meter
+from nearfar.runtime.progress import shown_progress
+from nearfar.runtime.workers import Workers
+from nearfar.settings import Settings
+from nearfar.storage.rows import (
+    Row,
+    RowFile,
+    read_rows,
+    record_metrics,
+    record_run,
+    settings_key,
+)
+
+NO_WEIGHTS = "weights"
+"""Why a configuration was not run."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The configurations of a sweep.
+
+    Attributes:
+        network: name of the network.
+        layers: its outputs; where empty, all.
+        sizes: sides of the crops in pixels; where empty, all.
+        sums: further configurations, each several descriptors joined by "+".
+
+    Raises:
+        SettingsError: there is no such network, layer or size.
+    """
+
+    network: str
+    layers: tuple[str, ...] = ()
+    sizes: tuple[int, ...] = ()
+    sums: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.network not in NETWORKS:
+            raise SettingsError(
+                f"unknown network {self.network!r}; known networks: {', '.join(NETWORKS)}"
+            )
+        network = NETWORKS[self.network]
+        object.__setattr__(self, "layers", self.layers or network.layers)
+        object.__setattr__(self, "sizes", self.sizes or network.sizes)
+        for name in self.descriptors:
+            taps_of(name)
+
+    @property
+    def descriptors(self) -> list[str]:
+        """Names of all configurations, those of one size together."""
+        taps = (Tap(self.network, layer, size) for size in self.sizes for layer in self.layers)
+        return distinct([tap.name for tap in taps] + list(self.sums))
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of one configuration on one benchmark.
+
+    Attributes:
+        benchmark: its name.
+        descriptor: the configuration.
+        status: whether it was run.
+        reason: why not; None where it was.
+        cases: number of cases.
+        strict: number of strict successes; None where it was not run.
+        loose: number of loose successes.
+    """
+
+    benchmark: str
+    descriptor: str
+    status: Literal["run", "not run"]
+    reason: str | None
+    cases: int
+    strict: int | None
+    loose: int | None
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """What the localizers of a sweep share.
+
+    Attributes:
+        variants: method, descriptor and settings of each configuration.
+        folder: where vectors lie while they are needed.
+        disk_bytes: limit on their size.
+    """
+
+    variants: tuple[Settings, ...]
+    folder: Path
+    disk_bytes: int
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A case, and the configurations that it still lacks, each with the hash of its settings."""
+
+    case: Case
+    wanted: tuple[tuple[Settings, str], ...]
+    sources: _Sources
+
+
+def run_sweep(
+    cases: Sequence[Case],
+    grid: Grid,
+    settings: Settings,
+    file: Path,
+    *,
+    disk_bytes: int,
+    workers: Workers | None = None,
+) -> list[Result]:
+    """Localize every case with every configuration whose weights are there.
+
+    Proposals and points of an image are computed once in each worker, and each network runs once
+    for each size. What the result file holds already is skipped. The rows are those of method
+    `paper`; the times of shared stages stand in the row that came first.
+
+    Args:
+        cases: the cases; those that share an image should follow each other.
+        grid: the configurations.
+        settings: all but method and descriptor.
+        file: JSON Lines, one line a case and configuration; made where missing.
+        disk_bytes: limit on the vectors that each worker keeps beside the file during the run.
+        workers: where the work is done, one case at a time; None: this process.
+
+    Raises:
+        WeightsError: a weights file is damaged or not of its network.
+        OSError: the disk is full; the rows so far are kept.
+    """
+    ready = [name for name in grid.descriptors if not _lacks_weights(name, settings)]
+    variants = {name: settings.replace(method="paper", descriptor=name) for name in ready}
+    keys = {name: settings_key(variant) for name, variant in variants.items()}
+    rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
+    sources = _Sources(tuple(variants.values()), file.parent, disk_bytes)
+    tasks = []
+    for case in cases:
+        wanted = tuple(
+            (variants[name], keys[name]) for name in ready if (case.name, keys[name]) not in rows
+        )
+        if wanted:
+            tasks.append(_Task(case, wanted, sources))
+    meter = Meter()
+    with RowFile(file) as out, shown_progress("pairs") as show:
+        record_run(file.parent, list(variants.values()))
+        for found in (workers or Workers()).run(_rows, tasks, _died, meter):
+            for row in found:
+                out.append(row)
+                rows[row["case"], row["settings"]] = row
+            show(meter.done, len(tasks))
+    if tasks:
+        record_metrics(file.parent, file.name, meter.metrics())
+    return [
+        _result(file.stem, name, [rows[case.name, keys[name]] for case in cases])
+        if name in keys
+        else Result(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
+        for name in grid.descriptors
+    ]
+
+
+def _rows(task: _Task) -> list[Row]:
+    """The rows of one case."""
+    localizers = _localizers(task.sources)
+    return [localized_row(task.case, localizers[each.descriptor], key) for each, key in task.wanted]
+
+
+def _died(task: _Task) -> list[Row]:
+    """The rows of a case that killed its worker."""
+    return [died_row(task.case, each, key, each.descriptor) for each, key in task.wanted]
+
+
+def _lacks_weights(descriptor: str, settings: Settings) -> bool:
+    """Whether no weights are named or fetched; a named file that is not there is an error."""
+    for network in {tap.network for tap in taps_of(descriptor)}:
+        try:
+            weights_file(network, settings)
+        except WeightsError:
+            if network in settings.weights:
+                raise
+            return True
+    return False
+
+
+@functools.lru_cache(maxsize=1)
+def _localizers(sources: _Sources) -> dict[str, Localizer]:
+    """One localizer a configuration; they share features, and hold none themselves."""
+    variants = {each.descriptor: each for each in sources.variants}
+    some = sources.variants[0]
+    taps = [tap for name in variants for tap in taps_of(name)]
+    features = TapFeatures(taps, some, sources.folder, sources.disk_bytes)
+    estimator = ESTIMATORS.create(some.estimator, some)
+    return {
+        name: Localizer(
+            variant, cache_bytes=0, engine=TapMethod(features, taps_of(name), estimator)
+        )
+        for name, variant in variants.items()
+    }
+
+
+def _result(benchmark: str, descriptor: str, rows: Sequence[Row]) -> Result:
+    strict, loose = (sum(row[name] for row in rows) for name in ("strict", "loose"))
+    return Result(benchmark, descriptor, "run", None, len(rows), strict, loose)
+
+
+def first_pairs(cases: Sequence[Case], sequence: str, count: int) -> list[Case]:
+    """The first pairs of one KITTI sequence; all for 0.
+
+    Raises:
+        BenchmarkError: there are none.
+    """
+    chosen = [case for case in cases if case.name.startswith(f"{sequence}/")]
+    if not chosen:
+        raise BenchmarkError(f"there are no pairs of KITTI sequence {sequence!r}")
+    return chosen[: count or None]
+
+
+def sweep_table(grid: Grid, results: Sequence[Result]) -> str:
+    """Markdown: strict successes, layers by sizes, a table for each benchmark, then the sums."""
+    parts = []
+    for benchmark in distinct(result.benchmark for result in results):
+        cells = {
+            result.descriptor: _cell(result) for result in results if result.benchmark == benchmark
+        }
+        lines = [
+            [layer, *(cells[Tap(grid.network, layer, size).name] for size in grid.sizes)]
+            for layer in grid.layers
+        ]
+        header = [f"{benchmark}: {grid.network}", *(f"{size} px" for size in grid.sizes)]
+        parts.append(markdown(header, lines))
+        if grid.sums:
+            parts.append(
+                markdown(
+                    [f"{benchmark}: sum", "strict"], [[name, cells[name]] for name in grid.sums]
+                )
+            )
+    return "\n\n".join(parts)
+
+
+def _cell(result: Result) -> str:
+    if result.status == "not run":
+        return f"not run: {result.reason}"
+    return f"{result.strict} / {result.cases}"
+
+
+def write_summary(results: Sequence[Result], folder: Path) -> Path:
+    """Write `sweep.json`, a list of the results, and return its path."""
+    file = folder / "sweep.json"
+    file.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
+    return file

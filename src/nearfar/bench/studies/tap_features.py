@@ -1,0 +1,260 @@
+"""Descriptors of all network taps at once, kept in files for the sweep."""
+
+import functools
+import hashlib
+import tempfile
+import weakref
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Boxes, RGBPixels, Vectors
+from nearfar.errors import SettingsError
+from nearfar.estimators import Estimator
+from nearfar.features.keypoints import Points, detect_sift
+from nearfar.landmarks.landmarks import LandmarkLayers, Landmarks
+from nearfar.methods.paper import PaperFeatures, match_and_estimate
+from nearfar.models import Answer, Task
+from nearfar.networks import resnet50, squeezenet
+from nearfar.networks.runner import CropNetwork
+from nearfar.networks.weights import read_weights, weights_file
+from nearfar.proposals import PROPOSERS
+from nearfar.runtime.timing import StageTimer
+from nearfar.settings import Settings
+
+_VALUE_BYTES = np.dtype(np.float16).itemsize
+
+
+class Describer(Protocol):
+    """Describes boxes by several outputs; see `nearfar.networks.runner.CropNetwork`."""
+
+    @property
+    def dimensions(self) -> tuple[int, ...]:
+        """Number of values of each output for one box."""
+        ...
+
+    def describe(self, pixels: RGBPixels, boxes: Boxes) -> list[NDArray[np.float16]]:
+        """For each output, (N, D) vectors of unit length."""
+        ...
+
+
+class VectorFile:
+    """What a network says about the boxes of an image.
+
+    Args:
+        network: describes the boxes.
+        pixels: the working image.
+        boxes: (N, 4) boxes inside the image.
+        folder: where the file is, on a disk with room for it.
+        batch_size: boxes whose vectors are in memory at a time.
+
+    Raises:
+        OSError: the disk is full.
+    """
+
+    def __init__(
+        self, network: Describer, pixels: RGBPixels, boxes: Boxes, folder: Path, batch_size: int
+    ) -> None:
+        self._count = len(boxes)
+        self._dimensions = network.dimensions
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        starts = self._starts()
+        for first in range(0, len(boxes), batch_size):
+            batch = network.describe(pixels, boxes[first : first + batch_size])
+            for start, vectors in zip(starts, batch, strict=False):
+                self._file.seek(start + first * vectors.shape[1] * _VALUE_BYTES)
+                self._file.write(vectors.data)
+        self._file.flush()
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the file."""
+        return self._starts()[-1]
+
+    def vectors(self, output: int) -> Vectors:
+        """(N, D) float16 of one output, read-only, mapped into memory as long as it is used."""
+        shape = self._count, self._dimensions[output]
+        if self._count == 0:
+            return np.empty(shape, np.float16)
+        return np.memmap(self._file, np.float16, "r", self._starts()[output], shape)
+
+    def _starts(self) -> list[int]:
+        """Where each output starts in the file, and where the last one ends, in bytes."""
+        lengths = (self._count * length * _VALUE_BYTES for length in self._dimensions)
+        return list(accumulate(lengths, initial=0))
+
+
+Value = TypeVar("Value")
+
+LEAST_KEPT = 2
+"""Images whose features are kept whatever their size: those of one pair."""
+MOST_KEPT = 100
+"""Images whose boxes and points, or vectors for one crop size, are kept at most."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network whose outputs are descriptors.
+
+    Attributes:
+        layers: names of its outputs, first to last.
+        sizes: sides of the crops in pixels, largest first.
+        model: weights, names of outputs, side of the crops -> ONNX model.
+    """
+
+    layers: tuple[str, ...]
+    sizes: tuple[int, ...]
+    model: Callable[[Mapping[str, NDArray[Any]], Sequence[str], int], bytes]
+
+
+NETWORKS = {
+    "resnet50": Network(resnet50.TAPS, resnet50.SIZES, resnet50.resnet50_model),
+    "squeezenet": Network(squeezenet.TAPS, squeezenet.SIZES, squeezenet.squeezenet_model),
+}
+
+
+class Tap(NamedTuple):
+    """One output of a network for crops of one size."""
+
+    network: str
+    layer: str
+    size: int
+
+    @property
+    def name(self) -> str:
+        """The descriptor's name."""
+        return f"{self.network}-{self.layer}@{self.size}"
+
+
+def taps_of(descriptor: str) -> tuple[Tap, ...]:
+    """The outputs that a descriptor's name, or several joined by "+", stands for.
+
+    Raises:
+        SettingsError: one of them is not an output of a network.
+    """
+    taps = []
+    for name in descriptor.split("+"):
+        network, _, rest = name.partition("-")
+        layer, _, size = rest.partition("@")
+        known = NETWORKS.get(network)
+        if known is None or layer not in known.layers or size not in map(str, known.sizes):
+            raise SettingsError(
+                f"{name!r} is not an output of a network, such as resnet50-res3d@64"
+            )
+        taps.append(Tap(network, layer, int(size)))
+    return tuple(taps)
+
+
+class TapFeatures:
+    """Boxes, points and vectors of images; each is computed once while it is kept.
+
+    Args:
+        taps: the outputs that will be asked for; all of one network and size come in one pass.
+        settings: proposer, weights and batch size.
+        folder: where the vectors lie while they are needed.
+        disk_bytes: limit on their size, beyond the images of one pair.
+
+    Raises:
+        WeightsError: weights are missing or do not fit.
+    """
+
+    def __init__(
+        self, taps: Sequence[Tap], settings: Settings, folder: Path, disk_bytes: int
+    ) -> None:
+        self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._folder = folder
+        self._batch_size = settings.batch_size
+        self._layers: dict[tuple[str, int], list[str]] = {}
+        for tap in dict.fromkeys(taps):
+            self._layers.setdefault((tap.network, tap.size), []).append(tap.layer)
+        tensors = {
+            network: read_weights(weights_file(network, settings)) for network, _ in self._layers
+        }
+        self._networks = {
+            (network, size): CropNetwork(
+                NETWORKS[network].model(tensors[network], layers, size), settings.batch_size
+            )
+            for (network, size), layers in self._layers.items()
+        }
+        self._images = _Recent[tuple[Boxes, Points]](MOST_KEPT, lambda _: 1)
+        self._vectors = _Recent[VectorFile](disk_bytes, lambda vectors: vectors.nbytes)
+
+    def extract(self, pixels: RGBPixels, taps: Sequence[Tap], timer: StageTimer) -> PaperFeatures:
+        """What method `paper` needs of an image with some outputs as descriptors."""
+        image = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest()
+        boxes, points = self._images.get(image, lambda: self._detect(pixels, timer))
+        layers = []
+        for tap in taps:
+            source = tap.network, tap.size
+            describe = functools.partial(self._describe, source, pixels, boxes, timer)
+            vectors = self._vectors.get((image, source), describe)
+            output = self._layers[source].index(tap.layer)
+            layers.append(Landmarks(boxes, vectors.vectors(output)))
+        return PaperFeatures(LandmarkLayers(tuple(layers)), points)
+
+    def _detect(self, pixels: RGBPixels, timer: StageTimer) -> tuple[Boxes, Points]:
+        with timer.stage("proposals"):
+            boxes = self._proposer.propose(pixels)
+        with timer.stage("points"):
+            return boxes, detect_sift(pixels)
+
+    def _describe(
+        self, source: tuple[str, int], pixels: RGBPixels, boxes: Boxes, timer: StageTimer
+    ) -> VectorFile:
+        with timer.stage("descriptors"):
+            return VectorFile(self._networks[source], pixels, boxes, self._folder, self._batch_size)
+
+
+class TapMethod:
+    """Method `paper` with outputs of networks that other configurations share.
+
+    Args:
+        features: where they come from.
+        taps: the outputs of this configuration.
+        estimator: matches -> model.
+    """
+
+    uses_landmarks = True
+
+    def __init__(self, features: TapFeatures, taps: Sequence[Tap], estimator: Estimator) -> None:
+        self._features = features
+        self._taps = taps
+        self._estimator = estimator
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
+        """See `Method.extract`."""
+        return self._features.extract(pixels, self._taps, timer)
+
+    def localize(
+        self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
+    ) -> Answer:
+        """See `Method.localize`."""
+        return match_and_estimate(far, near, task, self._estimator, timer)
+
+
+class _Recent(Generic[Value]):
+    """The values used last, at least those of one pair, up to a total size and number."""
+
+    def __init__(self, limit: int, size: Callable[[Value], int]) -> None:
+        self._limit = limit
+        self._size = size
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
+
+    def get(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        if key not in self._values:
+            self._values[key] = compute()
+        self._values.move_to_end(key)
+        while len(self._values) > LEAST_KEPT and self._over():
+            self._values.popitem(last=False)
+        return self._values[key]
+
+    def _over(self) -> bool:
+        total = sum(map(self._size, self._values.values()))
+        return len(self._values) > MOST_KEPT or total > self._limit

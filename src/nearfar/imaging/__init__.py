@@ -1,0 +1,1 @@
+"""Images: reading, warping, tiles and regions."""

@@ -1,0 +1,1 @@
+"""Landmarks: boxes with descriptors, and their matches."""

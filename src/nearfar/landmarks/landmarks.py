@@ -1,0 +1,150 @@
+"""Landmarks: proposals with their descriptors, and their matches between two images."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
+from nearfar.descriptors import DESCRIPTORS, Descriptor
+from nearfar.features.nearest import mutual_nearest
+from nearfar.proposals import PROPOSERS
+from nearfar.runtime.timing import StageTimer
+from nearfar.settings import Settings
+
+_CHUNK = 4096
+"""Descriptor values that are multiplied at a time; bounds memory for 131,072-value vectors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """The landmarks of one image.
+
+    Attributes:
+        boxes: (N, 4) in pixels of the working image.
+        vectors: (N, D) descriptors of unit length.
+    """
+
+    boxes: Boxes
+    vectors: Vectors
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the arrays take, in bytes."""
+        return self.boxes.nbytes + self.vectors.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkLayers:
+    """The landmarks of one image as several descriptors see them, or as the only one does.
+
+    Attributes:
+        layers: the same boxes with the vectors of each descriptor.
+    """
+
+    layers: tuple[Landmarks, ...]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the arrays take, in bytes."""
+        return sum(layer.nbytes for layer in self.layers)
+
+
+def landmark_descriptors(settings: Settings) -> list[Descriptor]:
+    """The descriptors that the settings name, one or several joined by "+".
+
+    Raises:
+        SettingsError: a name is unknown.
+        WeightsError: a descriptor needs weights that are missing or do not fit.
+    """
+    return [DESCRIPTORS.create(name, settings) for name in settings.descriptor.split("+")]
+
+
+class LandmarkDetector:
+    """Finds the landmarks of images, by the proposer and the descriptors that the settings name.
+
+    Raises:
+        SettingsError: a name is unknown.
+        WeightsError: a descriptor needs weights that are missing or do not fit.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._descriptors = landmark_descriptors(settings)
+
+    def detect(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
+        """Object proposals, and each descriptor's description of each."""
+        with timer.stage("proposals"):
+            boxes = self._proposer.propose(pixels)
+        with timer.stage("descriptors"):
+            vectors = [each.describe(pixels, boxes) for each in self._descriptors]
+        return LandmarkLayers(tuple(Landmarks(boxes, each) for each in vectors))
+
+
+def centres(boxes: Boxes) -> Coordinates:
+    """(N, 2) centres of (N, 4) boxes, in pixels."""
+    return boxes[:, :2] + (boxes[:, 2:] - 1) / 2
+
+
+def cosine_similarity(far: Vectors, near: Vectors) -> NDArray[np.float32]:
+    """(N, M) cosines between (N, D) and (M, D) vectors of unit length."""
+    similarity = np.zeros((len(far), len(near)), np.float32)
+    for start in range(0, far.shape[1], _CHUNK):
+        part = slice(start, start + _CHUNK)
+        similarity += far[:, part].astype(np.float32) @ near[:, part].astype(np.float32).T
+    return similarity
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkMatches:
+    """Matched landmarks of two images; row i of one array belongs to row i of the others.
+
+    Attributes:
+        far_boxes: (M, 4).
+        near_boxes: (M, 4).
+        similarity: (M,) cosine of the two descriptors; of `adaptive` the mean over a template.
+    """
+
+    far_boxes: Boxes
+    near_boxes: Boxes
+    similarity: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.similarity)
+
+
+NO_LANDMARKS = LandmarkMatches(
+    np.empty((0, 4), np.int32), np.empty((0, 4), np.int32), np.empty(0, np.float32)
+)
+
+
+def match_landmarks(far: Landmarks, near: Landmarks) -> LandmarkMatches:
+    """Mutual nearest neighbours by cosine distance (paper, section III), of a cosine above 0."""
+    pairs = mutual_nearest(far.vectors, near.vectors, cosine_similarity)
+    similarity = np.array(
+        [far.vectors[i].astype(np.float32) @ near.vectors[j].astype(np.float32) for i, j in pairs],
+        np.float32,
+    )
+    alike = similarity > 0
+    far_index, near_index = pairs[alike].T
+    return LandmarkMatches(far.boxes[far_index], near.boxes[near_index], similarity[alike])
+
+
+def match_layers(far: LandmarkLayers, near: LandmarkLayers) -> LandmarkMatches:
+    """The union of the matches of each descriptor (the paper's "matches from multiple layers").
+
+    Where several descriptors match the same two boxes, the most similar match is kept.
+    """
+    found = [match_landmarks(*both) for both in zip(far.layers, near.layers, strict=True)]
+    if len(found) == 1:
+        return found[0]
+    boxes = np.hstack(
+        [
+            np.vstack([matches.far_boxes for matches in found]),
+            np.vstack([matches.near_boxes for matches in found]),
+        ]
+    )
+    similarity = np.concatenate([matches.similarity for matches in found])
+    by_similarity = np.argsort(-similarity, kind="stable")
+    distinct, first = np.unique(boxes[by_similarity], axis=0, return_index=True)
+    return LandmarkMatches(distinct[:, :4], distinct[:, 4:], similarity[by_similarity][first])

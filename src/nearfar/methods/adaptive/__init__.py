@@ -1,0 +1,5 @@
+"""The adaptive localizer: points first, and only where they fail what costs more."""
+
+from nearfar.methods.adaptive.method import Adaptive, AdaptiveFeatures
+
+__all__ = ["Adaptive", "AdaptiveFeatures"]

@@ -1,0 +1,294 @@
+"""Landmark search: the near image as a template of features, sought in a pyramid of the far image.
+
+Proposals do not repeat across a large change of scale, so the landmark is not matched to the far
+image's landmarks but searched for, at every place, scale and rotation.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.descriptors import DenseDescriptor
+from nearfar.features.feature_map import FeatureMap
+from nearfar.geometry.homography import transform, translation
+from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
+from nearfar.methods.adaptive.zoom import scaled
+
+TEMPLATE_SIDE = 96
+"""The near image is reduced to this longest side, in pixels."""
+DIMENSIONS = 64
+"""Principal components that are kept of the features."""
+MOST_CELLS = 2000
+"""Cells from which they are computed, at most twice as many."""
+ANGLES = tuple(22.5 * turn for turn in range(16))
+"""Rotations of the template, in degrees."""
+LARGEST, SMALLEST, STEP = 1.6, 0.1, 2 ** (1 / 3)
+"""Scales of the far image's pyramid."""
+MOST_PIXELS = 3_000_000
+"""Of a level."""
+LARGEST_ENLARGED, MOST_PIXELS_ENLARGED = 3.2, 12_000_000
+"""The same of the levels above, for what is only a few dozen pixels large in the far image."""
+BAND_PIXELS, BAND_MARGIN = 3_300_000, 64
+"""Levels are described in bands of so many pixels and so many more rows at both sides, which bounds
+the memory of the network."""
+APART = 0.25
+"""Peaks closer than this share of the template's diagonal, at nearly the same scale and rotation,
+are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of the far image's pyramid.
+
+    Attributes:
+        level_from_image: scales the image to the level.
+        vectors: (rows, columns, D) of unit length, in the basis of the pyramid.
+        stride: distance of neighbouring cells in pixels of the level.
+    """
+
+    level_from_image: Matrix3
+    vectors: NDArray[np.float32]
+    stride: int
+
+
+@dataclass(frozen=True, eq=False)
+class Pyramid:
+    """The features of the far image at many scales, in the principal components of one of them.
+
+    Attributes:
+        levels: the largest first.
+        mean: (C,) mean feature, which is subtracted from those of templates.
+        basis: (C, D) principal components.
+    """
+
+    levels: list[Level]
+    mean: NDArray[np.float32]
+    basis: NDArray[np.float32]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that the levels take, in bytes."""
+        return sum(level.vectors.nbytes for level in self.levels)
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """The features of the near image in one rotation.
+
+    Attributes:
+        vectors: (K, D) of its cells inside the image.
+        cells: (K, 2) row and column of each.
+        shape: rows and columns of the whole template.
+        template_from_near: near pixels to pixels of the template.
+    """
+
+    vectors: NDArray[np.float32]
+    cells: NDArray[np.intp]
+    shape: tuple[int, int]
+    template_from_near: Matrix3
+
+
+def pyramid(pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
+    """The feature maps of an image at many scales; none for an image of a few pixels."""
+    scales = _scales(*pixels.shape[:2])
+    mean, basis = _principal_components(pixels, scales[len(scales) // 2], descriptor)
+    used = scales if basis.size else []
+    levels = [_level(pixels, scale, descriptor, basis) for scale in used]
+    return Pyramid(levels, mean, basis)
+
+
+def enlarged(base: Pyramid, pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
+    """The levels above those of an image's pyramid, of which each costs more than all of that."""
+    height, width = pixels.shape[:2]
+    first = _scales(height, width)[0]
+    largest = min(LARGEST_ENLARGED, math.sqrt(MOST_PIXELS_ENLARGED / (height * width)))
+    steps = range(1, 1 + math.floor(math.log(largest / first, STEP) + 1e-6)) if base.levels else ()
+    levels = [_level(pixels, first * STEP**step, descriptor, base.basis) for step in steps]
+    return replace(base, levels=levels)
+
+
+def _level(
+    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor, basis: NDArray[np.float32]
+) -> Level:
+    matrix, features = _features(pixels, scale, descriptor)
+    own = features.values
+    vectors = unit((own - own.mean(axis=(0, 1))) @ basis)
+    return Level(matrix, vectors, features.stride)
+
+
+def _principal_components(
+    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Mean and leading principal components of the features at one scale."""
+    values = _features(pixels, scale, descriptor)[1].values
+    flat = values.reshape(-1, values.shape[-1])
+    mean = flat.mean(axis=0)
+    _, _, components = np.linalg.svd(
+        flat[:: max(1, len(flat) // MOST_CELLS)] - mean, full_matrices=False
+    )
+    return mean, np.ascontiguousarray(components[:DIMENSIONS].T)
+
+
+def _scales(height: int, width: int) -> list[float]:
+    """Scales of the levels, the largest first: at least one."""
+    largest = min(LARGEST, math.sqrt(MOST_PIXELS / (height * width)))
+    least = max(SMALLEST, TEMPLATE_SIDE / 2 / max(height, width))
+    count = max(1, 1 + math.floor(math.log(largest / least, STEP)))
+    return [largest / STEP**index for index in range(count)]
+
+
+def _features(
+    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor
+) -> tuple[Matrix3, FeatureMap]:
+    resized, matrix = scaled(pixels, scale)
+    height, width = resized.shape[:2]
+    rows = max(BAND_MARGIN, BAND_PIXELS // width // BAND_MARGIN * BAND_MARGIN)
+    bands = [_band(resized, start, rows, descriptor) for start in range(0, height, rows)]
+    return matrix, replace(bands[0], values=np.concatenate([each.values for each in bands]))
+
+
+def _band(pixels: RGBPixels, start: int, rows: int, descriptor: DenseDescriptor) -> FeatureMap:
+    """The features of some rows of pixels, which are taken with their surroundings."""
+    above = min(start, BAND_MARGIN)
+    features = descriptor.feature_map(pixels[start - above : start + rows + BAND_MARGIN])
+    first = above // features.stride
+    end = first + rows // features.stride if start + rows < len(pixels) else None
+    return replace(features, values=features.values[first:end])
+
+
+def templates(pixels: RGBPixels, descriptor: DenseDescriptor) -> list[Template]:
+    """The reduced image as a template, in every rotation."""
+    reduced, matrix = scaled(pixels, TEMPLATE_SIDE / max(pixels.shape[:2]))
+    return [_template(reduced, matrix, angle, descriptor) for angle in ANGLES]
+
+
+def search(
+    far: Pyramid, sought: list[Template], near_size: tuple[int, int], most: int
+) -> list[Hypothesis]:
+    """The best places, scales and rotations of the near image, best first.
+
+    Args:
+        far: of the far image.
+        sought: of the near image.
+        near_size: its width and height.
+        most: how many.
+    """
+    vectors = [(template, unit((template.vectors - far.mean) @ far.basis)) for template in sought]
+    peaks = [peak for level in far.levels for peak in _peaks(level, vectors, most)]
+    peaks.sort(key=lambda each: -each.support)
+    return distinct(peaks, near_size, most)
+
+
+def distinct(
+    sorted_hypotheses: Sequence[Hypothesis], near_size: tuple[int, int], most: int
+) -> list[Hypothesis]:
+    """The first hypotheses that are at another place, scale or rotation than those before.
+
+    Args:
+        sorted_hypotheses: affine transforms, best first.
+        near_size: width and height of the near image.
+        most: how many.
+    """
+    found: list[Hypothesis] = []
+    for hypothesis in sorted_hypotheses:
+        if len(found) == most:
+            break
+        if not any(_same(hypothesis, other, near_size) for other in found):
+            found.append(hypothesis)
+    return found
+
+
+def _template(
+    pixels: RGBPixels,
+    template_from_near: Matrix3,
+    angle: float,
+    descriptor: DenseDescriptor,
+) -> Template:
+    seen, matrix = simulate(pixels, FRONTAL, angle)
+    (top, bottom), (left, right) = map(_border, seen.shape[:2])
+    padded = cv2.copyMakeBorder(seen, top, bottom, left, right, cv2.BORDER_REFLECT_101)
+    matrix = translation(left, top) @ matrix
+    features = descriptor.feature_map(np.asarray(padded))
+    rows, columns = features.values.shape[:2]
+    own = transform(np.linalg.inv(matrix), features.centres)
+    height, width = pixels.shape[:2]
+    covered = ((own >= -0.5) & (own <= [width - 0.5, height - 0.5])).all(axis=1)
+    return Template(
+        features.values.reshape(rows * columns, -1)[covered],
+        np.argwhere(covered.reshape(rows, columns)),
+        (rows, columns),
+        matrix @ template_from_near,
+    )
+
+
+def _border(length: int) -> tuple[int, int]:
+    """Pixels to add on both ends, so that the cells reach over them."""
+    missing = 8 * math.ceil(length / 8) + 8 - length
+    return missing // 2, missing - missing // 2
+
+
+def _peaks(
+    level: Level, sought: list[tuple[Template, NDArray[np.float32]]], most: int
+) -> Iterator[Hypothesis]:
+    rows, columns, size = level.vectors.shape
+    flat = level.vectors.reshape(-1, size).T
+    for template, vectors in sought:
+        similarity = (vectors @ flat).reshape(-1, rows, columns)
+        score = _sum_over_cells(similarity, template)
+        highest = cv2.dilate(score, np.ones((5, 5), np.uint8))
+        y, x = np.nonzero(score == highest)
+        best = np.argsort(-score[y, x], kind="stable")[:most]
+        for row, column in zip(y[best], x[best], strict=True):
+            corner = np.array([column, row]) - np.array(template.shape[::-1]) // 2
+            level_from_template = translation(*(level.stride * corner))
+            level_from_near = level_from_template @ template.template_from_near
+            matrix = np.linalg.inv(level.level_from_image) @ level_from_near
+            yield Hypothesis(matrix, float(score[row, column]), "landmarks")
+
+
+def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDArray[np.float32]:
+    """(rows, columns) mean similarity where the template's middle lies on each cell of the level.
+
+    Cells of the template that lie outside count as 0.
+
+    Args:
+        similarity: (K, rows, columns) of each cell of the template to each of the level.
+        template: the template.
+    """
+    _, rows, columns = similarity.shape
+    middle = np.array(template.shape) // 2
+    score = np.zeros((rows, columns), np.float32)
+    for cell, (down, right) in zip(similarity, template.cells - middle, strict=True):
+        if abs(down) < rows and abs(right) < columns:
+            into = score[max(0, -down) : rows - down, max(0, -right) : columns - right]
+            into += cell[max(0, down) : rows + down, max(0, right) : columns + right]
+    score /= len(template.cells)
+    return score
+
+
+def unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """The vectors of the last axis at unit length; those of nearly no length stay short."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(length, 1e-6), np.float32)
+
+
+def _same(one: Hypothesis, other: Hypothesis, near_size: tuple[int, int]) -> bool:
+    width, height = near_size
+    centre = [(width - 1) / 2, (height - 1) / 2, 1.0]
+    first, second = one.far_from_near[:2], other.far_from_near[:2]
+    scale = math.sqrt(abs(np.linalg.det(second[:, :2])))
+    ratio = math.sqrt(abs(np.linalg.det(first[:, :2]))) / scale
+    turned = math.atan2(first[1, 0], first[0, 0]) - math.atan2(second[1, 0], second[0, 0])
+    away = float(np.hypot(*(first @ centre - second @ centre)))
+    return (
+        away < APART * scale * math.hypot(width, height)
+        and abs(math.log(ratio)) < math.log(1.5)
+        and math.cos(turned) > math.cos(math.radians(30))
+    )

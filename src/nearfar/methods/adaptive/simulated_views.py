@@ -1,0 +1,139 @@
+"""View simulation (Morel and Yu, 2009): images as they would look from aside, and their matches."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.estimators import Estimator
+from nearfar.features.keypoints import (
+    Points,
+    detect_keypoints,
+    match_points_by_ratio,
+    one_match_per_cell,
+)
+from nearfar.geometry.homography import outline, transform, translation
+from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.zoom import inside, scaled
+from nearfar.models import Task
+
+
+@dataclass(frozen=True)
+class View:
+    """A view from aside.
+
+    Attributes:
+        tilt: factor by which the image is shortened, 1 for the frontal view.
+        axis: direction in which it is shortened, in degrees, clockwise from the x axis.
+    """
+
+    tilt: float
+    axis: float
+
+
+FRONTAL = View(1.0, 0.0)
+
+
+def around(tilt: float, count: int) -> tuple[View, ...]:
+    """Views of one tilt along so many axes, evenly spread."""
+    return tuple(View(tilt, 180 * index / count) for index in range(count))
+
+
+ALL_AROUND = (
+    (FRONTAL, *around(2, 4), *around(4, 8)),
+    (*around(2 * math.sqrt(2), 6), *around(4 * math.sqrt(2), 12)),
+)
+"""Views of an image, and those that are added where they do not suffice; tilts and axes are nearly
+those of ASIFT (Morel and Yu, 2009)."""
+
+LONGEST_SIDE = 640
+"""Images are reduced to this before views of them are simulated, in pixels."""
+CONTRAST = 0.02
+POINTS_PER_VIEW = 800
+"""Keypoints of a view, those of the highest contrast."""
+RATIO = 0.85
+APART = 10.0
+"""Points this close together, in pixels, are one point seen in several views."""
+CELL = 2.0
+"""Side of the cells of which each gives one match, in pixels."""
+
+
+def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixels, Matrix3]:
+    """The image in a view, and the transform from its pixels to those of the view.
+
+    Args:
+        pixels: the image.
+        view: the view.
+        turn: rotation of the view after that, in degrees, clockwise.
+
+    Returns:
+        The pixels, mirrored beyond the image's border, and the affine transform.
+    """
+    height, width = pixels.shape[:2]
+    matrix = (
+        _rotation(turn)
+        @ _rotation(view.axis)
+        @ np.diag([1 / view.tilt, 1.0, 1.0])
+        @ _rotation(view.axis).T
+    )
+    corners = transform(matrix, outline(width, height))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    matrix = translation(*(-low - 0.5)) @ matrix
+    size = tuple(int(side) for side in np.ceil(high - low - 1e-6))
+    blurred = _blurred(pixels, view) if view.tilt > 1 else pixels
+    seen = cv2.warpAffine(blurred, matrix[:2], size, borderMode=cv2.BORDER_REFLECT_101)
+    return np.asarray(seen), matrix
+
+
+def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
+    """Blurred along the axis, against aliasing where the view shortens it."""
+    deviation = 0.8 * np.sqrt(view.tilt**2 - 1)
+    radius = int(np.ceil(3 * deviation))
+    along = np.radians(view.axis)
+    offset = np.arange(-radius, radius + 1)
+    x, y = np.meshgrid(offset, offset)
+    u, v = x * np.cos(along) + y * np.sin(along), -x * np.sin(along) + y * np.cos(along)
+    kernel = np.exp(-0.5 * (u / deviation) ** 2 - 0.5 * (v / 0.4) ** 2)
+    return np.asarray(cv2.filter2D(pixels, -1, kernel / kernel.sum()))
+
+
+def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Points:
+    """The keypoints of all views of an image together, at their places in the image itself."""
+    small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
+    places: list[Coordinates] = []
+    vectors = []
+    for view in views:
+        seen, view_from_small = simulate(small, view)
+        view_from_image = view_from_small @ small_from_image
+        points = detect_keypoints(seen, CONTRAST, POINTS_PER_VIEW)
+        points = inside(points, view_from_image, pixels)
+        places.append(transform(np.linalg.inv(view_from_image), points.xy))
+        vectors.append(points.vectors)
+    return Points(np.vstack(places), np.vstack(vectors))
+
+
+def from_views(seen: Sequence[tuple[Points, Points]], estimator: Estimator) -> list[Hypothesis]:
+    """The homography that most matches between views of both images agree on.
+
+    Args:
+        seen: keypoints of views of the far and of the near image, of one set of views or several.
+        estimator: of the homography.
+    """
+    far, near = (
+        Points(np.vstack([each.xy for each in side]), np.vstack([each.vectors for each in side]))
+        for side in zip(*seen, strict=True)
+    )
+    pairs = match_points_by_ratio(far, near, RATIO, apart=APART)
+    pairs = one_match_per_cell(far, near, pairs, CELL)
+    fitted = estimator.estimate(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], Task("homography"))
+    if fitted.far_from_near is None:
+        return []
+    return [Hypothesis(np.asarray(fitted.far_from_near), float(fitted.inliers.sum()), "views")]
+
+
+def _rotation(degrees: float) -> Matrix3:
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])

@@ -1,0 +1,151 @@
+"""Hypotheses of where the near image lies: similarity transforms that many matches agree on.
+
+Each match of two keypoints tells a place, a scale and a rotation (Lowe, 2004). Wrong matches tell
+something else each time, so that a handful of agreeing ones stands out even where most are wrong.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, IndexPairs, Mask
+from nearfar.features.keypoints import Keypoints, first_of_each_cell
+from nearfar.features.matching import Nearest
+from nearfar.methods.adaptive.attempt import Hypothesis
+
+MOST_MATCHES = 3000
+LEAST_WEIGHT = 0.08
+"""A match weighs 1 minus the squared ratio of its distance to that of the second nearest."""
+SEEDS = 300
+"""So many of the most distinctive matches propose transforms."""
+SCALE_TOLERANCE = 1.6
+ANGLE_TOLERANCE = np.radians(30)
+LEAST_TOLERANCE = 8.0
+"""Far pixels by which two agreeing matches may disagree, where they are close together..."""
+DISTANCE_TOLERANCE = 0.25
+"""...and the share of their distance that is added to it."""
+LEAST_SUPPORTERS = 3
+CELL = 3.0
+"""Matches whose points share a cell of this side, in pixels, count once."""
+NEIGHBOURHOOD = 150.0
+"""Matches support each other within this distance, in near pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tentative:
+    """Matches of which most may be wrong, with the similarity transform that each tells.
+
+    Attributes:
+        far: (N, 2) far points.
+        near: (N, 2) near points.
+        scale: (N,) size of the far over that of the near keypoint.
+        angle: (N,) orientation of the far minus that of the near keypoint, radians.
+        weight: (N,) 0 to 1, how distinctive.
+    """
+
+    far: Coordinates
+    near: Coordinates
+    scale: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.weight)
+
+    def agreeing(self, seed: int) -> Mask:
+        """(N,) the matches that tell nearly the same transform as one of them."""
+        away_near = self.near - self.near[seed]
+        cos = self.scale[seed] * np.cos(self.angle[seed])
+        sin = self.scale[seed] * np.sin(self.angle[seed])
+        away_far = away_near @ np.array([[cos, sin], [-sin, cos]])
+        apart = np.hypot(*(self.far - self.far[seed] - away_far).T)
+        tolerance = LEAST_TOLERANCE + DISTANCE_TOLERANCE * np.hypot(*away_far.T)
+        scaled = np.abs(np.log(self.scale / self.scale[seed])) < np.log(SCALE_TOLERANCE)
+        turned = np.cos(self.angle - self.angle[seed]) > np.cos(ANGLE_TOLERANCE)
+        return np.asarray((apart < tolerance) & scaled & turned)
+
+
+def tentative_matches(
+    far: Keypoints, near: Keypoints, of_far: Nearest, of_near: Nearest
+) -> Tentative:
+    """The nearest near keypoint of every far one and the reverse, the most distinctive of them.
+
+    Args:
+        far: keypoints of the far image.
+        near: keypoints of the near image.
+        of_far: nearest near keypoint of each far one.
+        of_near: nearest far keypoint of each near one.
+    """
+    pairs, weights = [], []
+    for side, found in enumerate((of_far, of_near)):
+        own = np.flatnonzero(found.index >= 0)
+        both = [own, found.index[own]]
+        pairs.append(np.column_stack(both[::-1] if side else both))
+        ratio = found.distance[own] / np.maximum(found.second[own], 1e-9)
+        weights.append(1 - np.minimum(ratio, 1).astype(np.float64))
+    every, weight = np.vstack(pairs), np.concatenate(weights)
+    best = np.argsort(-weight, kind="stable")[:MOST_MATCHES]
+    best = best[weight[best] > LEAST_WEIGHT]
+    distinct, first = np.unique(every[best], axis=0, return_index=True)
+    return matches_of(far, near, distinct, weight[best][first])
+
+
+def matches_of(
+    far: Keypoints, near: Keypoints, pairs: IndexPairs, weight: NDArray[np.float64]
+) -> Tentative:
+    """(M, 2) pairs of keypoints with (M,) weights as matches with their transforms."""
+    i, j = pairs.T
+    scale, angle = far.size[i] / near.size[j], far.angle[i] - near.angle[j]
+    return Tentative(far.xy[i], near.xy[j], scale, angle, weight)
+
+
+def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
+    """The transforms with most support, best first; each match supports one.
+
+    Args:
+        matches: the matches.
+        most: how many.
+        source: what to call where they come from.
+    """
+    seeds = np.argsort(-matches.weight, kind="stable")[:SEEDS]
+    agreeing = np.array([matches.agreeing(seed) for seed in seeds], np.bool_)
+    weight = matches.weight.copy()
+    found: list[Hypothesis] = []
+    for _ in range(len(seeds)):
+        if len(found) == most:
+            break
+        best = int((agreeing @ weight).argmax())
+        supporters = np.flatnonzero(agreeing[best] & (weight > 0))
+        supporters = supporters[np.argsort(-weight[supporters], kind="stable")]
+        places = matches.far[supporters], matches.near[supporters]
+        supporters = supporters[first_of_each_cell(*places, CELL)]
+        weight[agreeing[best]] = 0
+        if len(supporters) == 0:
+            break
+        if len(supporters) < LEAST_SUPPORTERS:
+            continue
+        similarity, _ = cv2.estimateAffinePartial2D(
+            matches.near[supporters],
+            matches.far[supporters],
+            method=cv2.RANSAC,
+            ransacReprojThreshold=LEAST_TOLERANCE,
+        )
+        if similarity is not None and np.isfinite(similarity).all():
+            support = float(matches.weight[supporters].sum())
+            found.append(Hypothesis(np.vstack([similarity, [0, 0, 1]]), support, source))
+    return sorted(found, key=lambda each: -each.support)
+
+
+def local_support(matches: Tentative) -> NDArray[np.float64]:
+    """(N,) weight of each match and of all that agree with it in its neighbourhood.
+
+    In a scene with depth no transform holds everywhere, but nearly the same one holds for
+    neighbours.
+    """
+    support = np.empty(len(matches))
+    for seed in range(len(matches)):
+        near_by = np.hypot(*(matches.near - matches.near[seed]).T) < NEIGHBOURHOOD
+        support[seed] = matches.weight[near_by & matches.agreeing(seed)].sum()
+    return support

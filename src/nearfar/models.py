@@ -1,0 +1,100 @@
+"""What a method is asked for and what it answers: the kind of model, the task, the estimate."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.landmarks.landmarks import LandmarkMatches
+
+ModelKind = Literal["homography", "fundamental", "pose"]
+MODEL_KINDS: tuple[ModelKind, ...] = ("homography", "fundamental", "pose")
+MODEL_NAMES = {
+    "homography": "homography",
+    "fundamental": "fundamental matrix",
+    "pose": "relative pose",
+}
+"""What each kind is called in messages."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be estimated.
+
+    Attributes:
+        model: kind of model.
+        far_intrinsics: calibration matrix of the far camera in pixels of its working image; None
+            unless the model is a pose.
+        near_intrinsics: the same of the near camera.
+        expected: guesses of the homography, near to far pixels of the working images, that are
+            worth a try before any other; only the method `adaptive` uses them.
+    """
+
+    model: ModelKind
+    far_intrinsics: Matrix3 | None = None
+    near_intrinsics: Matrix3 | None = None
+    expected: tuple[Matrix3, ...] = ()
+
+    @property
+    def cameras(self) -> tuple[Matrix3, Matrix3]:
+        """Calibration matrices of the far and the near camera, for a pose.
+
+        Raises:
+            ValueError: one is missing.
+        """
+        if self.far_intrinsics is None or self.near_intrinsics is None:
+            raise ValueError("a pose needs the intrinsics of both cameras")
+        return self.far_intrinsics, self.near_intrinsics
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The model that most matches agree with, or the reason why there is none.
+
+    Attributes:
+        far_from_near: homography or fundamental matrix (x_farᵀ F x_near = 0) in pixels of the
+            working images, or relative pose; None where nothing was found.
+        inliers: (N,) the matches that agree with it.
+        threshold: largest reprojection error or epipolar distance of an inlier, in pixels; the
+            latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac.
+        reason: why there is no model; None where there is one.
+    """
+
+    far_from_near: Matrix3 | RelativePose | None
+    inliers: Mask
+    threshold: float
+    reason: str | None = None
+
+
+def failure(matches: int, threshold: float, reason: str) -> Estimate:
+    """The estimate that found nothing among so many matches."""
+    return Estimate(None, np.zeros(matches, np.bool_), threshold, reason)
+
+
+LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method found, in pixels of the working images.
+
+    Attributes:
+        far: (N, 2) points of the far image that were matched.
+        near: (N, 2) the points of the near image that they were matched with.
+        landmarks: matched landmarks; None for a method without.
+        estimate: model and inliers among the N matches.
+        log10_false_alarms: decimal logarithm of the number of models as good as this one that
+            chance would give; None leaves it to be computed from the matches.
+        confidence: calibrated probability that the model is right; None where not calibrated.
+        step: what a method with several steps found the answer with.
+    """
+
+    far: Coordinates
+    near: Coordinates
+    landmarks: LandmarkMatches | None
+    estimate: Estimate
+    log10_false_alarms: float | None = None
+    confidence: float | None = None
+    step: str | None = None

@@ -1,0 +1,171 @@
+"""Weights of networks: where their files are, how to get them, and how to read them."""
+
+import hashlib
+import re
+import tempfile
+from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
+
+import safetensors
+from numpy.typing import NDArray
+
+from nearfar.errors import WeightsError
+from nearfar.networks.torch_file import (
+    LEGACY_START,
+    ZIP_START,
+    TensorFileError,
+    array_on,
+    read_torch_file,
+)
+from nearfar.settings import Settings
+
+DOWNLOADS = {"resnet50": "https://download.pytorch.org/models/resnet50-0676ba61.pth"}
+"""Where `fetch` gets weights; a file's name ends with the first digits of its SHA-256."""
+
+
+class ProgressBar(Protocol):
+    """What pooch tells about a download, in bytes."""
+
+    total: int
+
+    def update(self, count: int) -> None:
+        """So many more have come."""
+
+    def reset(self) -> None:
+        """Count from zero again."""
+
+    def close(self) -> None:
+        """The download is complete."""
+
+
+def read_weights(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the tensors of a .safetensors or PyTorch file; its content tells which it is.
+
+    Nothing that is pickled in a file is executed.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Arrays by name, in the file's element types (bfloat16 as float32); they may be read-only.
+
+    Raises:
+        WeightsError: the file is missing, damaged, holds no tensors, or asks for anything else.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(9)
+            file.seek(0)
+            if start[8:] == b"{":
+                tensors = _read_safetensors(file.read())
+            elif start.startswith((ZIP_START, LEGACY_START)):
+                tensors = read_torch_file(file.read())
+            else:
+                raise WeightsError(f"{path} is neither a safetensors nor a PyTorch weights file")
+    except OSError as error:
+        raise WeightsError(f"cannot read the weights file {path}: {error.strerror}") from error
+    except TensorFileError as error:
+        raise WeightsError(f"{path} {error}") from error
+    except safetensors.SafetensorError as error:
+        raise WeightsError(f"{path} is damaged or incomplete ({error})") from error
+    if not tensors:
+        raise WeightsError(f"{path} holds no tensors")
+    return tensors
+
+
+def _read_safetensors(data: bytes) -> dict[str, NDArray[Any]]:
+    entries = safetensors.deserialize(data)  # type: ignore[no-untyped-call]
+    return {
+        name: array_on(entry["data"], entry["dtype"], entry["shape"]) for name, entry in entries
+    }
+
+
+def weights_file(network: str, settings: Settings) -> Path:
+    """The file with the weights of a network: the one that the settings name, or a fetched one.
+
+    Raises:
+        WeightsError: there is none; the message says how to get it.
+    """
+    if network in settings.weights:
+        path = Path(settings.weights[network])
+        try:
+            path = path.expanduser()
+            found = path.is_file()
+        except (OSError, RuntimeError) as error:  # The latter for the home of an unknown user.
+            raise WeightsError(
+                f"the weights file {path} for {network} cannot be read: {error}"
+            ) from error
+        if not found:
+            raise WeightsError(f"the weights file {path} for {network} does not exist")
+        return path
+    fetching = ""
+    if network in DOWNLOADS:
+        path = cache_folder() / _file_name(DOWNLOADS[network])
+        if path.is_file():
+            return path
+        fetching = f" or run `nearfar weights fetch {network}`"
+    raise WeightsError(
+        f"{network} needs a file with its weights: give one with --weights {network}=FILE{fetching}"
+    )
+
+
+def fetch(network: str, progress: ProgressBar | None = None, url: str | None = None) -> Path:
+    """Download the weights of a network into the cache folder, unless they are there.
+
+    Args:
+        network: a key of `DOWNLOADS`.
+        progress: is told how the download proceeds.
+        url: another place of the file; its name has to end with "-" and the first 8 or more
+            digits of the SHA-256, which are checked.
+
+    Returns:
+        The file.
+
+    Raises:
+        WeightsError: the network's weights cannot be fetched, or what came is not the file.
+    """
+    if network not in DOWNLOADS:
+        raise WeightsError(
+            f"weights of {network!r} cannot be fetched, only those of {', '.join(DOWNLOADS)}"
+        )
+    url = url or DOWNLOADS[network]
+    path = cache_folder() / _file_name(url)
+    try:
+        if path.is_file() and _has_hash_of_name(path):
+            return path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            incoming = Path(folder) / path.name
+            _download(url, incoming, progress)
+            if not _has_hash_of_name(incoming):
+                raise WeightsError(f"{url} sent a file with another SHA-256 than its name says")
+            incoming.replace(path)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise WeightsError(f"cannot download {url} to {path.parent}: {reason}") from error
+    return path
+
+
+def cache_folder() -> Path:
+    """Where fetched weights are kept: $NEARFAR_CACHE or the system's folder for caches."""
+    import pooch
+
+    store = pooch.create(path=pooch.os_cache("nearfar"), base_url="", env="NEARFAR_CACHE")
+    return Path(store.path)
+
+
+def _file_name(url: str) -> str:
+    return PurePosixPath(url).name
+
+
+def _download(url: str, path: Path, progress: ProgressBar | None) -> None:
+    import pooch
+
+    pooch.HTTPDownloader(progressbar=progress or False)(url, str(path), None)
+
+
+def _has_hash_of_name(path: Path) -> bool:
+    named = re.search(r"-([0-9a-f]{8,64})$", path.stem)
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return named is not None and digest.startswith(named[1])

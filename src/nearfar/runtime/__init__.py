@@ -1,0 +1,1 @@
+"""Running well: workers, a cluster, progress, logs, timing and optional packages."""

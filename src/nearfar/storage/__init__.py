@@ -1,0 +1,1 @@
+"""Folders and files on a disk or in object storage, and what is kept there."""

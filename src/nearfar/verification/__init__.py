@@ -1,0 +1,1 @@
+"""Is this model good? Significance, degeneracy, conditioning, confidence and acceptance."""

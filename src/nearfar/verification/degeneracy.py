@@ -1,0 +1,92 @@
+"""Matches and models that look like an answer and are none."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.homography import transform
+
+COLLINEAR_PX = 0.1
+"""Points this close to one line (root mean square) count as lying on it, in pixels."""
+
+LARGEST_SHORTENING = 30.0
+"""Ratio of the scales of two directions at one point; the strongest of the known pairs is 20."""
+LARGEST_SCALE = 100.0
+
+
+def finite_rows(far: Coordinates, near: Coordinates) -> NDArray[np.intp]:
+    """Indices of the matches whose four coordinates are finite."""
+    return np.flatnonzero(np.isfinite(far).all(axis=1) & np.isfinite(near).all(axis=1))
+
+
+def distinct_matches(far: Coordinates, near: Coordinates) -> int:
+    """Number of matches when no point of either image may count twice; at most an upper bound."""
+    return min(len(np.unique(xy, axis=0)) for xy in (far, near))
+
+
+def is_model(matrix: NDArray[np.float64] | None) -> bool:
+    """Whether an estimator returned one finite 3x3 matrix: OpenCV also returns None and stacks."""
+    return matrix is not None and matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
+
+
+def determines_homography(
+    matrix: NDArray[np.float64],
+    far: Coordinates,
+    near: Coordinates,
+    inliers: Mask,
+    threshold: float,
+) -> bool:
+    """Whether a homography is invertible and its inliers leave no other one open.
+
+    They leave it open where there are fewer than four, where they span less than twice the
+    threshold in the far image, so that any transform to about one point would explain them, or
+    where they lie on one line.
+
+    Args:
+        matrix: (3, 3), finite.
+        far: (N, 2) far points.
+        near: (N, 2) near points.
+        inliers: (N,) the matches that agree with it.
+        threshold: largest reprojection error of an inlier, in far pixels.
+    """
+    if np.linalg.cond(matrix) > 1 / np.finfo(np.float64).eps or inliers.sum() < 4:
+        return False
+    far, near = far[inliers], near[inliers]
+    spread = np.ptp(far, axis=0).max() >= 2 * threshold
+    return bool(spread) and not (_collinear(far) or _collinear(near))
+
+
+def is_plausible(model: Matrix3 | RelativePose, kind: str, near: Coordinates) -> bool:
+    """Whether a camera could have seen what a model says; every pose and fundamental matrix is.
+
+    A homography between two photographs of a surface's one side keeps the sense of rotation
+    everywhere, has no horizon among the inliers, and shortens no direction without bound.
+
+    Args:
+        model: the model.
+        kind: "homography", "fundamental" or "pose".
+        near: (K, 2) near points of the inliers.
+    """
+    if kind != "homography":
+        return True
+    matrix = np.asarray(model)
+    depth = np.column_stack([near, np.ones(len(near))]) @ matrix[2]
+    mapped = transform(matrix, near)
+    if not ((depth > 0).all() or (depth < 0).all()) or not np.isfinite(mapped).all():
+        return False
+    jacobians = (
+        matrix[np.newaxis, :2, :2] - mapped[:, :, np.newaxis] * matrix[np.newaxis, 2:, :2]
+    ) / depth[:, np.newaxis, np.newaxis]
+    largest, smallest = np.linalg.svd(jacobians, compute_uv=False).T
+    same_sense = bool((np.linalg.det(jacobians) > 0).all())
+    return same_sense and bool(
+        (largest < LARGEST_SHORTENING * smallest).all()
+        and (largest < LARGEST_SCALE).all()
+        and (smallest > 1 / LARGEST_SCALE).all()
+    )
+
+
+def _collinear(xy: Coordinates) -> bool:
+    across = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[-1]
+    return bool(across < COLLINEAR_PX * np.sqrt(len(xy)))
