@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from nearfar.imaging.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.build import LANDMARKS_PER_COMMIT, _indexed, _Task
-from nearfar.maps.database import create
+from nearfar.maps.creation import create
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.locate import HITS
 from nearfar.maps.manifest import manifest_for

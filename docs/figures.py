@@ -30,7 +30,8 @@ from nearfar.estimators import Task
 from nearfar.features.keypoints import detect_keypoints
 from nearfar.features.matching import nearest_both_ways
 from nearfar.geometry.homography import outline, transform
-from nearfar.methods.adaptive.attempt import Attempt, Hypothesis, attempt
+from nearfar.methods.adaptive.attempt import Attempt, attempt
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.method import CONTRAST, RATIO, REACH, SOUGHT, VOTED
 from nearfar.methods.adaptive.search import Pyramid, pyramid, search, templates
 from nearfar.methods.adaptive.votes import hypotheses, tentative_matches

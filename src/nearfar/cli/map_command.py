@@ -164,7 +164,7 @@ def upgrade_command(folder: MapFolder, /) -> None:
         folder: Folder of the map.
     """
     require("map", *PACKAGES)
-    from nearfar.maps.manifest import upgrade
+    from nearfar.maps.upgrade import upgrade
 
     before, after = upgrade(folder)
     _say(f"format {before} -> {after}" if before != after else f"format {after} already")

@@ -12,7 +12,8 @@ from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
-from nearfar.maps.world.places import GeoPlace, QueryPose, feature_collection
+from nearfar.maps.world.geojson import feature_collection
+from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, local_copy, staged
 

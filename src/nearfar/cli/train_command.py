@@ -44,8 +44,8 @@ def descriptor_command(
     require("train", "torch", "matplotlib")
     from nearfar.train.export import save_model
     from nearfar.train.photographs import held_out, read_photographs
+    from nearfar.train.plots import plot_learning
     from nearfar.train.training import FULL, SMALL, train
-    from nearfar.train.validation import plot_learning
 
     console = Console(emoji=False, highlight=False, soft_wrap=True)
     size = SMALL if small else FULL

@@ -11,8 +11,9 @@ from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.imaging.image import Image
 from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
+from nearfar.maps.world.geojson import ring
 from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.places import WorldCoordinates, ring
+from nearfar.maps.world.places import WorldCoordinates
 from nearfar.storage.locations import replaced
 
 

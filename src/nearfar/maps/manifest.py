@@ -1,4 +1,4 @@
-"""What a map was made with, and upgrades from older formats."""
+"""What a map was made with; other software, settings or descriptors cannot use it."""
 
 import dataclasses
 import hashlib
@@ -6,11 +6,8 @@ import importlib.metadata
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from nearfar.errors import MapError
-from nearfar.maps.database import connect, database_errors
-from nearfar.maps.lock import writer_lock
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, replaced
@@ -134,42 +131,3 @@ def read_any_manifest(folder: Location) -> Manifest:
         raise MapError(f"{folder} is no map: make one with `nearfar map build`") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(f"{folder / FILE} is damaged: build the map anew") from None
-
-
-def upgrade(folder: Location) -> tuple[int, int]:
-    """Bring a map to the present format; one that was interrupted goes on.
-
-    Returns:
-        The format that it had and the one that it has.
-
-    Raises:
-        MapError: there is no map, it cannot be upgraded, or another process is writing.
-        StorageError: it is in object storage that does not answer.
-    """
-    with writer_lock(_checked(folder)), database_errors(folder):
-        made = read_any_manifest(folder)
-        if made.format < 2:
-            _add_file_states(connect(folder))
-        if made.format != FORMAT:
-            version = importlib.metadata.version("nearfar")
-            dataclasses.replace(made, format=FORMAT, nearfar=version).write(folder)
-    return made.format, FORMAT
-
-
-def _checked(folder: Location) -> Location:
-    """The folder of a map that can be upgraded."""
-    made = read_any_manifest(folder)
-    if not OLDEST <= made.format <= FORMAT:
-        raise MapError(
-            f"the map {folder} has the format {made.format} (nearfar {made.nearfar}), this version "
-            f"knows {OLDEST} to {FORMAT}: use the nearfar that made it, or build it anew"
-        )
-    return folder
-
-
-def _add_file_states(database: Any) -> None:
-    """Format 2 keeps size and time of each image file; unknown ones are found by the next build."""
-    images = database.open_table("images")
-    for name in ("size", "modified"):
-        if name not in images.schema.names:
-            images.add_columns({name: "cast(-1 as bigint)"})

@@ -9,7 +9,7 @@ from nearfar.geometry.intrinsics import CameraIntrinsics, CameraSource, read_cam
 from nearfar.imaging.image import ImageSource
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
-from nearfar.maps.database import create
+from nearfar.maps.creation import create
 from nearfar.maps.files import Problem, name_of, problems
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for

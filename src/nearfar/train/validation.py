@@ -1,38 +1,12 @@
-"""Recall on held-out photographs, and the learning curves."""
-
-from pathlib import Path
+"""Recall on photographs that were held out of a training."""
 
 import torch
 
-from nearfar.render.plotting import figure_axes, save_figure
-from nearfar.storage.rows import Row, read_rows
+from nearfar.storage.rows import Row
 from nearfar.train.batches import Batches, BatchShape
 from nearfar.train.losses import counterparts, template_cosines
 from nearfar.train.network import CROP
 from nearfar.train.photographs import Photograph
-from nearfar.train.training import LOG
-
-
-def plot_learning(folder: Path) -> Path:
-    """Losses and recall on the photographs held out, against the step.
-
-    Returns:
-        The file written, PNG.
-    """
-    rows = read_rows(folder / LOG)
-    figure, axes = figure_axes()
-    steps = [row["step"] for row in rows]
-    shares = axes.twinx()
-    for index, what in enumerate(("landmark", "template", "cell")):
-        losses = [row[f"{what}_loss"] for row in rows]
-        axes.plot(steps, losses, color=f"C{index}", label=f"{what} loss")
-        recall = [row.get(f"{what}_recall") for row in rows]
-        shares.plot(steps, recall, "--", color=f"C{index}", label=f"{what} recall, held out")
-    axes.set(xlabel="step", ylabel="loss", ylim=(0, None))
-    shares.set(ylabel="recall among all", ylim=(0, 1))
-    figure.legend(loc="outside lower center", ncols=3)
-    return save_figure(figure, folder / "learning_curves.png")
-
 
 REGIONS = 600
 """About how many view pairs are compared."""

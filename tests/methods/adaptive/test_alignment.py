@@ -11,7 +11,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.geometry.homography import outline, transform, translation
 from nearfar.methods.adaptive.alignment import MOST_FORESHORTENED, MOST_RESIZED, Frame, align
-from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import pyramid
 from nearfar.settings import Settings
 

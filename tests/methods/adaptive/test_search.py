@@ -13,7 +13,7 @@ from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.descriptors.hog import HOG
 from nearfar.geometry.homography import transform
 from nearfar.methods.adaptive import search as search_module
-from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import (
     MOST_PIXELS_ENLARGED,
     enlarged,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.homography import transform, translation
-from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, distinct, unit
 from nearfar.methods.adaptive.zoom import scaled, warped
 

@@ -1,4 +1,4 @@
-"""Hypotheses of where the near image lies, and what an attempt to confirm one gives."""
+"""What an attempt to confirm a hypothesis gives."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, Matrix3
+from nearfar.arrays import Coordinates
 from nearfar.estimators import Estimator
 from nearfar.methods.adaptive.zoom import Matched
 from nearfar.models import Estimate, Task
@@ -74,19 +74,3 @@ def attempt(
         far_size=(side, side),
     )
     return Attempt(far, near, estimate, evidence, step)
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """A transform to be tried.
-
-    Attributes:
-        far_from_near: homography, near to far pixels of the working images.
-        support: how much speaks for it; comparable within one source.
-        source: what proposed it: "expected" (by the caller), "votes", "landmarks",
-            "alignment" or "views".
-    """
-
-    far_from_near: Matrix3
-    support: float
-    source: str

@@ -18,7 +18,8 @@ from nearfar.geometry.homography import outline, transform
 from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
-from nearfar.methods.adaptive.attempt import Attempt, Hypothesis, attempt
+from nearfar.methods.adaptive.attempt import Attempt, attempt
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, enlarged, pyramid, search, templates
 from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, seen_from_aside
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches

@@ -17,7 +17,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.descriptors import DenseDescriptor
 from nearfar.features.feature_map import FeatureMap
 from nearfar.geometry.homography import transform, translation
-from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
 from nearfar.methods.adaptive.zoom import scaled
 

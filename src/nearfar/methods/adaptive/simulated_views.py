@@ -16,7 +16,7 @@ from nearfar.features.keypoints import (
     one_match_per_cell,
 )
 from nearfar.geometry.homography import outline, transform, translation
-from nearfar.methods.adaptive.attempt import Hypothesis
+from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.zoom import inside, scaled
 from nearfar.models import Task
 
