@@ -8,7 +8,7 @@ from nearfar.errors import SettingsError
 from nearfar.exports.subject import Subject
 from nearfar.geometry.intrinsics import IntrinsicsSource, read_intrinsics
 from nearfar.localization import Localization
-from nearfar.registry import Registry
+from nearfar.registry import EXTERNAL, Registry
 from nearfar.settings import Settings
 
 __all__ = ["EXPORTERS", "Exporter", "Subject", "export", "exporter"]
@@ -58,7 +58,7 @@ def exporter(name: str) -> Exporter:
         MissingExtraError: a package that the format needs is not installed.
     """
     names = EXPORTERS.names()
-    if name not in names:
+    if not name.startswith(EXTERNAL) and name not in names:
         raise SettingsError(f"unknown export format {name!r}; there are {', '.join(names)}")
     return EXPORTERS.create(name, Settings())
 

@@ -52,7 +52,8 @@ NOT_IN_FEATURES = frozenset(
 
 _PACKAGE = Path(__file__).parents[1]
 _PARTS_WITHOUT_FEATURES = frozenset(
-    {"app", "bench", "cli", "estimators", "exports", "geometry", "maps", "pictures", "train"}
+    {"adapters", "app", "bench", "cli", "estimators", "exports", "geometry", "maps", "render"}
+    | {"runtime", "storage", "train", "verification"}
 )
 """Parts of the package in which a change leaves stored features valid."""
 
