@@ -25,7 +25,7 @@ from PIL import Image as PillowImage
 import nearfar
 from nearfar.arrays import Coordinates, Mask, RGBPixels
 from nearfar.demo import PRINTS, TARGET, make_scene
-from nearfar.descriptors import DenseDescriptor
+from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.estimators import Task
 from nearfar.features.keypoints import detect_keypoints
 from nearfar.features.matching import nearest_both_ways
@@ -37,7 +37,6 @@ from nearfar.methods.adaptive.search import Pyramid, pyramid, search, templates
 from nearfar.methods.adaptive.votes import hypotheses, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, Region, local_scale, region, scaled, warped
 from nearfar.methods.points import tuned_estimator
-from nearfar.registry import DESCRIPTORS
 from nearfar.render import save_small
 from nearfar.render.footprint import footprint_page
 

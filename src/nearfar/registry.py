@@ -142,7 +142,9 @@ def find_external(path: str, kind: str) -> Callable[..., Any]:
     """
     module, _, name = path.rpartition(".")
     if not module or not name:
-        raise SettingsError(f"name a {kind} as {EXTERNAL}module.name, not {path!r}")
+        raise SettingsError(
+            f"name a {kind} as {EXTERNAL}module.Class or {EXTERNAL}module.function, not {path!r}"
+        )
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:

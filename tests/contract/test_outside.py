@@ -103,7 +103,7 @@ def test_workers_know_them(installed: Path, known_files: tuple[Path, Path], tmp_
     for name in ("a", "b"):
         folder = tmp_path / "pairs" / name
         folder.mkdir(parents=True)
-        pair = {"far": str(far), "near": str(near), "model": "homography"}
+        pair: dict[str, object] = {"far": str(far), "near": str(near), "model": "homography"}
         pair |= {"far_points": points, "near_points": points}
         (folder / "pair.json").write_text(json.dumps(pair))
     out = tmp_path / "run"

@@ -48,7 +48,7 @@ def test_the_shipped_file_is_the_one_of_the_model_card() -> None:
 def test_needs_no_torch() -> None:
     program = (
         "import sys; sys.modules['torch'] = None; import numpy as np\n"
-        "from nearfar.registry import DESCRIPTORS; from nearfar.settings import Settings\n"
+        "from nearfar.descriptors import DESCRIPTORS; from nearfar.settings import Settings\n"
         "descriptor = DESCRIPTORS.create('nearfar', Settings())\n"
         "pixels = np.zeros((70, 90, 3), np.uint8)\n"
         "print(descriptor.describe(pixels, np.array([[0, 0, 70, 60]], np.int32)).shape)"

@@ -171,9 +171,9 @@ def test_a_cell_of_the_map_lies_where_it_says(
 def test_the_smallest_map(tap: str, settings: Settings) -> None:
     """In a process of its own: where the network has no output, ONNX Runtime ends the process."""
     program = (
-        "import sys, numpy, nearfar.registry, nearfar.settings\n"
+        "import sys, numpy, nearfar.descriptors, nearfar.settings\n"
         "settings = nearfar.settings.Settings(weights={'squeezenet': sys.argv[2]})\n"
-        "descriptor = nearfar.registry.DESCRIPTORS.create(sys.argv[1], settings)\n"
+        "descriptor = nearfar.descriptors.DESCRIPTORS.create(sys.argv[1], settings)\n"
         "print(descriptor.feature_map(numpy.zeros((16, 20, 3), numpy.uint8)).values.size)\n"
     )
     name, file = f"squeezenet-{tap}@64", str(settings.weights["squeezenet"])

@@ -156,11 +156,11 @@ def test_two_make_a_map_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     make = tables.make_tables
 
     def make_slowly(folder: Path) -> None:
-        monkeypatch.setattr("nearfar.maps.database.make_tables", make)
+        monkeypatch.setattr("nearfar.maps.creation.make_tables", make)
         open_map(tmp_path / "map", create=True)
         make(folder)
 
-    monkeypatch.setattr("nearfar.maps.database.make_tables", make_slowly)
+    monkeypatch.setattr("nearfar.maps.creation.make_tables", make_slowly)
     with pytest.raises(MapError, match="is a map by now"):
         open_map(tmp_path / "map", create=True)
     assert open_map(tmp_path / "map").problems() == []

@@ -30,7 +30,7 @@ def match_pairs(
         pairs: hloc's list of pairs, two names a line; the first is taken as the near image (the
             query), the second as the far one. A pair that was before, either way, is left out.
         image_dir: folder that the names are relative to.
-        features: HDF5 file to write; see `nearfar.exports.hloc`.
+        features: HDF5 file to write, as hloc's `match_dense` does.
         matches: the same.
         model: what the matches are scored by, 1 or 0: a fundamental matrix for scenes with depth.
         **options: `Settings` by name, e.g. method="sift-tuned".
