@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from nearfar.features import nearest as matching
 from nearfar.features.keypoints import negative_squared_distance
-from nearfar.features.nearest import mutual_nearest
+from nearfar.features.nearest import mutual_nearest, second_similarity
 from nearfar.landmarks.landmarks import cosine_similarity
 
 
@@ -52,3 +52,31 @@ def test_blocks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> Non
     whole = mutual_nearest(far, near, negative_squared_distance)
     monkeypatch.setattr(matching, "_BLOCK_VALUES", 7 * 300)
     np.testing.assert_array_equal(mutual_nearest(far, near, negative_squared_distance), whole)
+
+
+@given(st.integers(1, 40), st.floats(0.5, 40), st.integers(0, 1000))
+def test_second_beyond_a_radius_agrees_with_a_direct_computation(
+    count: int, radius: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    vectors = rng.integers(0, 9, (15, 6)).astype(np.float32)
+    others = rng.integers(0, 9, (count, 6)).astype(np.float32)
+    xy = rng.uniform(0, 100, (count, 2))
+    similarity = negative_squared_distance(vectors, others)
+    nearest = similarity.argmax(axis=1)
+    close = (np.abs(xy[nearest, np.newaxis] - xy) <= radius).all(axis=2)
+    expected = np.where(close, -np.inf, similarity).max(axis=1)
+    found = second_similarity(vectors, others, nearest, negative_squared_distance, xy, radius)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(("away", "second"), [(9.0, -4.0), (11.0, -1.0)])
+def test_the_radius_is_as_long_in_x_as_in_y(axis: int, away: float, second: float) -> None:
+    """The runner-up at a distance of 1 counts only beyond 10 pixels of the nearest."""
+    xy = np.array([[50.0, 50], [50, 50], [90, 90]])
+    xy[1, axis] += away
+    vectors, others = np.zeros((1, 1), np.float32), np.array([[0], [1], [2]], np.float32)
+    nearest = np.array([0])
+    found = second_similarity(vectors, others, nearest, negative_squared_distance, xy, 10.0)
+    assert found.tolist() == [second]

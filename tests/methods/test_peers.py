@@ -76,6 +76,19 @@ def test_the_ratio_test_is_that_of_both_directions(
     )
 
 
+def test_matches_that_pass_the_ratio_test_are_nearer_than_the_second() -> None:
+    rng = np.random.default_rng(0)
+    far, others = random_points(rng, 30), random_points(rng, 30)
+    moved = far.vectors[:20] + np.eye(20, 6, dtype=np.float32)
+    near = Points(np.vstack([far.xy[:20], others.xy]), np.vstack([moved, others.vectors]))
+    distance = np.linalg.norm(far.vectors[:, None] - near.vectors[None], axis=2)
+    pairs = [(i, j) for i, j in match_points_by_ratio(far, near, 0.8) if distance[i, j] > 0]
+    assert len(pairs) >= 4
+    for i, j in pairs:
+        assert distance[i, j] < 0.8 * np.delete(distance[i], j).min() * (1 + 1e-6)
+        assert distance[i, j] < 0.8 * np.delete(distance[:, j], i).min() * (1 + 1e-6)
+
+
 @given(seeds)
 @settings(deadline=None)
 def test_a_second_point_close_by_does_not_count_as_another(seed: int) -> None:
@@ -90,7 +103,9 @@ def test_a_second_point_close_by_does_not_count_as_another(seed: int) -> None:
     )
     assert len(match_points_by_ratio(twice, twice, 0.8)) == 0
     apart = match_points_by_ratio(doubled, doubled, 0.8, apart=10)
-    assert rows(apart) >= rows(match_points_by_ratio(unique, unique, 0.8, apart=10))
+    alone = match_points_by_ratio(unique, unique, 0.8, apart=10)
+    assert len(alone) == 20
+    assert rows(apart) >= rows(alone)
 
 
 @given(seeds, st.floats(1, 40))

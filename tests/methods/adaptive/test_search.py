@@ -161,7 +161,9 @@ def noise(height: int, width: int) -> RGBPixels:
 def test_tiny_images(size: tuple[int, int]) -> None:
     tiny, other = noise(*size), noise(90, 120)
     for far, near in ((tiny, other), (other, tiny), (tiny, tiny)):
-        for each in best_of(far, near):
+        found = best_of(far, near)
+        assert found
+        for each in found:
             assert np.isfinite(each.far_from_near).all()
             assert np.isfinite(each.support)
 
@@ -169,4 +171,6 @@ def test_tiny_images(size: tuple[int, int]) -> None:
 def test_textureless_images() -> None:
     flat = np.full((90, 120, 3), 50, np.uint8)
     for far, near in ((flat, noise(90, 120)), (noise(90, 120), flat), (flat, flat)):
-        assert all(np.isfinite(each.support) for each in best_of(far, near))
+        found = best_of(far, near)
+        assert found
+        assert all(np.isfinite(each.support) for each in found)

@@ -103,6 +103,30 @@ def test_shortening_does_not_alias() -> None:
     assert seen.mean() == pytest.approx(125, abs=3)
 
 
+@pytest.mark.parametrize("view", [*around(2, 4), *around(4, 4)])
+def test_the_blur_is_a_gaussian_along_the_axis(view: View) -> None:
+    """Waves lose the contrast that a Gaussian takes; its deviation is that of ASIFT."""
+    period, amplitude = 16.0, 100.0
+    loss = np.exp(-2 * (np.pi / period * 0.8) ** 2 * (view.tilt**2 - 1))
+    for direction, expected in ((view.axis, loss), (view.axis + 90, 1.0)):
+        contrast = contrast_of_waves(view, np.radians(direction), period, amplitude)
+        assert contrast == pytest.approx(expected, rel=0.1)
+
+
+def contrast_of_waves(view: View, direction: float, period: float, amplitude: float) -> float:
+    """Return the amplitude of waves in a view, away from its border, over that in the image."""
+    x, y = np.meshgrid(np.arange(240.0), np.arange(240.0))
+    phase = 2 * np.pi / period * (x * np.cos(direction) + y * np.sin(direction))
+    waves = np.rint(125 + amplitude * np.sin(phase)).astype(np.uint8)
+    seen, matrix = simulate(np.repeat(waves[..., np.newaxis], 3, axis=2), view)
+    height, width = seen.shape[:2]
+    xy = np.stack(np.meshgrid(np.arange(float(width)), np.arange(float(height))), axis=-1)
+    own = transform(np.linalg.inv(matrix), xy.reshape(-1, 2))
+    inner = ((own > 30) & (own < 210)).all(axis=1)
+    assert inner.sum() > 1000
+    return float(np.sqrt(2) * seen[..., 0].ravel()[inner].std() / amplitude)
+
+
 def test_keypoints_of_views_lie_where_those_of_the_image_do(
     photograph: Callable[[str], RGBPixels],
 ) -> None:
@@ -110,6 +134,7 @@ def test_keypoints_of_views_lie_where_those_of_the_image_do(
     frontal = seen_from_aside(image, [FRONTAL])
     tilted = seen_from_aside(image, around(2, 2))
     height, width = image.shape[:2]
+    assert len(tilted.xy) > 100
     assert (tilted.xy >= -0.5).all()
     assert (tilted.xy <= [width - 0.5, height - 0.5]).all()
     distance = np.linalg.norm(tilted.xy[:, np.newaxis] - frontal.xy, axis=2).min(axis=1)

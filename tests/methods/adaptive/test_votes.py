@@ -96,8 +96,34 @@ def test_two_transforms_at_once(
 @given(seeds)
 @settings(deadline=None, max_examples=30)
 def test_noise_has_little_support(seed: int) -> None:
-    found = hypotheses(wrong_matches(np.random.default_rng(seed), 400), 6, "votes")
-    assert all(each.support < 6 for each in found)
+    rng = np.random.default_rng(seed)
+    assert all(each.support < 6 for each in hypotheses(wrong_matches(rng, 400), 6, "votes"))
+    crowded = hypotheses(wrong_matches(rng, 1000), 6, "votes")
+    assert crowded
+    assert all(each.support < 6 for each in crowded)
+
+
+@given(seeds, factors, turns)
+@settings(deadline=None, max_examples=20)
+def test_one_transform_is_one_hypothesis(seed: int, factor: float, turn: float) -> None:
+    """All matches agree: none is left to support a second hypothesis."""
+    rng = np.random.default_rng(seed)
+    truth = similarity(factor, turn, rng.uniform(0, SIZE))
+    matches = right_matches(rng, truth, rng.uniform(0, SIZE, (40, 2)))
+    assert len(hypotheses(matches, 6, "votes")) == 1
+
+
+def test_a_match_between_two_transforms_supports_only_the_stronger() -> None:
+    """Each group agrees with the groups before and after it; the second takes its neighbours."""
+    groups = np.repeat([0, 1, 2, 3], [10, 10, 4, 6])
+    x, y = np.divmod(np.arange(30), 5)
+    near = 3.0 * np.column_stack([x, y]) + 1
+    angle = np.radians([-37.5, -12.5, 12.5, 37.5])[groups]
+    matches = Tentative(near + 300, near, np.ones(30), angle, np.full(30, 0.5))
+    between = matches.agreeing(int(np.flatnonzero(groups == 3)[0])) & (groups == 2)
+    assert between.any()
+    found = hypotheses(matches, 6, "votes")
+    assert [each.support for each in found] == pytest.approx([12, 3])
 
 
 def test_no_matches_no_hypotheses() -> None:
