@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -22,16 +23,28 @@ from tests.scenes import plane_matches, random_homography, two_views
 CAMERA = np.array([[600, 0, 320], [0, 600, 240], [0, 0, 1.0]])
 
 
+T = TypeVar("T")
+
+
+def created(registry: Registry[T], name: str) -> T:
+    """Return the plug-in; skip the test where its weights are not installed."""
+    try:
+        return registry.create(name, Settings(batch_size=3))
+    except WeightsError as error:
+        pytest.skip(str(error))
+
+
 def without_weights(name: str) -> bool:
     return not name.startswith(("resnet50-", "squeezenet-"))
 
 
 @pytest.mark.parametrize("name", PROPOSERS.names())
 def test_proposer(name: str, photograph: Callable[[str], RGBPixels]) -> None:
-    proposer = PROPOSERS.create(name, Settings())
+    proposer = created(PROPOSERS, name)
     image = photograph("coffee")
     boxes = proposer.propose(image)
     assert boxes.dtype == np.int32
+    assert len(boxes) > 0
     np.testing.assert_array_equal(boxes, np.unique(boxes, axis=0))
     assert (boxes[:, 2:] >= 1).all()
     assert (boxes[:, :2] >= 0).all()
@@ -43,13 +56,17 @@ def test_proposer(name: str, photograph: Callable[[str], RGBPixels]) -> None:
 
 @pytest.mark.parametrize("name", [n for n in DESCRIPTORS.names() if without_weights(n)])
 def test_descriptor(name: str, photograph: Callable[[str], RGBPixels]) -> None:
-    descriptor = DESCRIPTORS.create(name, Settings(batch_size=3))
+    descriptor = created(DESCRIPTORS, name)
     image = photograph("coffee")
     boxes = np.array([[0, 0, 1, 1], [10, 20, 40, 30], [0, 0, 600, 400], [599, 399, 1, 1]], np.int32)
     vectors = descriptor.describe(image, boxes)
     assert vectors.shape == (4, descriptor.dimensions)
     length = np.linalg.norm(vectors.astype(np.float32), axis=1)
     assert ((abs(length - 1) < 1e-2) | (length == 0)).all()
+    parts = np.array([[10, 20, 40, 30], [0, 0, 600, 400], [300, 150, 120, 90]], np.int32)
+    described = descriptor.describe(image, parts).astype(np.float32)
+    assert (np.linalg.norm(described, axis=1) > 0).all()
+    assert (described @ described.T)[~np.eye(3, dtype=bool)].max() < 0.9999
     alone = descriptor.describe(image, boxes[1:2])
     np.testing.assert_allclose(
         alone[0].astype(np.float32), vectors[1].astype(np.float32), atol=1e-3
@@ -104,6 +121,17 @@ def test_method(name: str, model: ModelKind, known_pair: KnownPair) -> None:
     nothing = method.localize(blank, blank, task, timer)
     assert nothing.estimate.far_from_near is None
     assert nothing.estimate.reason
+
+
+@pytest.mark.parametrize("name", METHODS.names())
+def test_method_localizes_a_known_pair(name: str, known_pair: KnownPair) -> None:
+    method = created(METHODS, name)
+    timer = StageTimer()
+    far, near = method.extract(known_pair.far, timer), method.extract(known_pair.near, timer)
+    estimate = method.localize(far, near, Task("homography"), timer).estimate
+    assert isinstance(estimate.far_from_near, np.ndarray)
+    assert known_pair.error(estimate.far_from_near) < 3
+    assert estimate.inliers.sum() >= 8
 
 
 @pytest.mark.parametrize("registry", [METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS])
