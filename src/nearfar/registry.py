@@ -15,7 +15,6 @@ import functools
 import importlib
 import pkgutil
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
 
 from nearfar.errors import SettingsError
@@ -105,8 +104,8 @@ class Registry(Generic[T]):
         package = importlib.import_module(self._package)
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{self._package}.{module.name}")
-        self._imported = True
         _import_entry_points()
+        self._imported = True
 
 
 def _place(factory: Factory[Any]) -> tuple[str, str]:
@@ -120,10 +119,12 @@ def _import_entry_points() -> None:
     Raises:
         SettingsError: a module cannot be imported.
     """
+    from importlib.metadata import entry_points  # Takes a tenth of the time of `import nearfar`.
+
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             entry.load()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise SettingsError(
                 f"the plug-in {entry.name!r} ({entry.value}) cannot be imported "
                 f"({type(error).__name__}: {error}); mend or uninstall its package"
@@ -143,11 +144,11 @@ def find_external(path: str, kind: str) -> Callable[..., Any]:
     module, _, name = path.rpartition(".")
     if not module or not name:
         raise SettingsError(
-            f"name a {kind} as {EXTERNAL}module.Class or {EXTERNAL}module.function, not {path!r}"
+            f"{kind} names are {EXTERNAL}module.Class or {EXTERNAL}module.function, not {path!r}"
         )
     try:
         found = getattr(importlib.import_module(module), name, None)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SettingsError(
             f"the module {module!r} of the {kind} cannot be imported "
             f"({type(error).__name__}: {error}); is its folder on PYTHONPATH?"

@@ -5,9 +5,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import Any, Literal
 
 from nearfar.errors import SettingsError
 
@@ -46,7 +44,7 @@ class Settings:
     estimator: str = "ransac"
     """Methods paper, objects, sift, sift-ratio and external ones: what fits the model."""
 
-    weights: Annotated[Mapping[str, Path], Parameter(parse=False)] = field(default_factory=dict)
+    weights: Mapping[str, Path] = field(default_factory=dict)
     """Network name -> file with its weights (.safetensors or .pth)."""
 
     max_size: int = 1600

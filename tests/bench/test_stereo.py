@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from nearfar import Localizer
 from nearfar.bench.datasets.composites import Case, Stereo
-from nearfar.bench.datasets.kitti import metric_scale, stereo_depth, triangulated_depth
+from nearfar.bench.datasets.stereo import metric_scale, stereo_depth, triangulated_depth
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from tests.scenes import two_views

@@ -7,7 +7,7 @@ import numpy as np
 
 from nearfar.arrays import Matrix3
 from nearfar.bench.datasets.composites import Case
-from nearfar.bench.datasets.kitti import metric_scale
+from nearfar.bench.datasets.stereo import metric_scale
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import (
     PAPER_FAILURE_STE,

@@ -1,4 +1,4 @@
-"""`nearfar doctor` and `nearfar list`."""
+"""`nearfar about` and `nearfar list`."""
 
 import importlib.metadata
 import platform

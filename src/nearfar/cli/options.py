@@ -1,5 +1,6 @@
 """Options that several commands share, and exit statuses."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
 
-SettingsOptions = Annotated[Settings, Parameter(name="*", group="Settings")]
+EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("(?!weights$)"))
+"""Makes each setting one option, but for the weights, which `WeightOptions` reads."""
+
+SettingsOptions = Annotated[Settings, EACH_SETTING]
 """All settings, each as one option."""
 
 WeightOptions = Annotated[

@@ -1,1 +1,1 @@
-"""Benchmark data: pairs of images, KITTI sequences and made cases."""
+"""Benchmark data: pairs and sequences of images, stereo depth and made cases."""

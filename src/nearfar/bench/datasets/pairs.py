@@ -10,7 +10,7 @@ import numpy as np
 
 from nearfar.arrays import Coordinates
 from nearfar.bench.datasets.composites import Case, name_below
-from nearfar.bench.datasets.kitti import find_sequence_pairs
+from nearfar.bench.datasets.sequences import find_sequence_pairs
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.geometry.homography import scale_change
 from nearfar.imaging.image import read_image

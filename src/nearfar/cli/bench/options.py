@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from nearfar.bench.datasets.composites import Case
 from nearfar.bench.runner import run
-from nearfar.cli.options import Place, WeightOptions, Workplace, with_weights
+from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
 from nearfar.methods import METHODS
 from nearfar.runtime.extras import require
@@ -33,7 +33,7 @@ class _BenchSettings(Settings):
     max_false_alarms accepts."""
 
 
-BenchSettings = Annotated[_BenchSettings, Parameter(name="*", group="Settings")]
+BenchSettings = Annotated[_BenchSettings, EACH_SETTING]
 """All settings but those that are compared, each as one option."""
 
 DEFAULTS = _BenchSettings()
