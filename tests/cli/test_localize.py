@@ -12,6 +12,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
+from nearfar.cli import main
 from tests.conftest import KnownPair
 
 Files = tuple[Path, Path]
@@ -215,3 +216,9 @@ def test_help_and_version_and_list() -> None:
     names = nearfar("list").stdout.split()
     assert {"paper", "sift", "objects", "hog", "selective-search", "ransac"} <= set(names)
     assert nearfar("nothing").returncode == 2
+
+
+@pytest.mark.parametrize("command", [["localize"], ["bench", "pairs"], ["bench", "kitti"]])
+def test_weights_are_one_option(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command, "--help"]) == 0
+    assert capsys.readouterr().out.count("--weights ") == 1

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
 
-EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("(?!weights$)"))
+EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("^(?!weights$)"))
 """Makes each setting one option, but for the weights, which `WeightOptions` reads."""
 
 SettingsOptions = Annotated[Settings, EACH_SETTING]
