@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from cachetools import LRUCache
@@ -27,11 +27,9 @@ from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
 from nearfar.proposals import PROPOSERS, scaled_boxes
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
+from nearfar.storage.feature_store import FeatureStore
 from nearfar.verification.acceptance import accepted
 from nearfar.verification.significance import log10_false_alarms
-
-if TYPE_CHECKING:
-    from nearfar.storage.feature_store import FeatureStore
 
 
 class Localizer:
@@ -57,7 +55,7 @@ class Localizer:
         settings: Settings | None = None,
         *,
         cache_bytes: int = 10**9,
-        store: "FeatureStore | None" = None,
+        store: FeatureStore | None = None,
         engine: Method[Any] | None = None,
         same_place: bool = False,
         **options: Any,

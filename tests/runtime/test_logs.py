@@ -3,7 +3,7 @@ import logging
 
 import pytest
 
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 from nearfar.runtime.metrics import Meter, Work, this_worker
 from nearfar.runtime.progress import shown_progress
 

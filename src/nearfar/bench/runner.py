@@ -9,7 +9,7 @@ from pathlib import Path
 from nearfar.bench.datasets.composites import Case
 from nearfar.bench.studies.curves import died_row, localized_row
 from nearfar.localizer import Localizer
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 from nearfar.runtime.metrics import Meter
 from nearfar.runtime.progress import shown_progress
 from nearfar.runtime.workers import Workers

@@ -26,7 +26,7 @@ from nearfar.cli.options import (
 from nearfar.errors import SettingsError
 from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 from nearfar.runtime.extras import require
 from nearfar.runtime.metrics import Meter
 from nearfar.runtime.progress import shown_progress

@@ -12,7 +12,7 @@ from nearfar.errors import SettingsError
 from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import PACKAGES
 from nearfar.maps.world.places import PoseFormat
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 from nearfar.runtime.extras import require
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings

@@ -1,13 +1,8 @@
-"""Progress of a run and logs of the command line: a bar on a terminal, or JSON events."""
+"""How far a run is: a bar on a terminal, or events of the log."""
 
-import json
-import logging
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
-from typing import Any, Literal
 
 from rich.console import Console
 from rich.progress import (
@@ -19,7 +14,7 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bar
 
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 
 Progress = Callable[[int, int], None]
 """Is told how many of how many tasks are done."""
@@ -65,58 +60,3 @@ class _Logged:
         if now >= self._next or done == of:
             self._next = now + LOGGED_EVERY
             logs.event("progress", counted=self._what, done=done, of=of)
-
-
-LogFormat = Literal["text", "json"]
-
-_log = logging.getLogger("nearfar")
-
-
-def event(what: str, level: int = logging.INFO, /, **fields: Any) -> None:
-    """Log an event.
-
-    Args:
-        what: in a few words, always the same.
-        level: of `logging`.
-        **fields: what is particular this time, for JSON; never a credential.
-    """
-    _log.log(level, what, extra={"fields": fields})
-
-
-def are_wanted() -> bool:
-    """Whether events are logged."""
-    return _log.isEnabledFor(logging.INFO)
-
-
-def start(form: LogFormat) -> None:
-    """Log to the error output: warnings in words, or all events as JSON."""
-    handler = _ErrorOutput()
-    handler.setFormatter(
-        _JsonLines() if form == "json" else logging.Formatter("nearfar: %(message)s")
-    )
-    _log.handlers = [handler]
-    _log.setLevel(logging.INFO if form == "json" else logging.WARNING)
-
-
-class _ErrorOutput(logging.Handler):
-    """The error output of the moment, which a progress bar may have replaced."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        try:
-            sys.stderr.write(self.format(record) + "\n")
-            sys.stderr.flush()
-        except Exception:  # What is logged must not end because the log is closed or the disk full.
-            self.handleError(record)
-
-
-class _JsonLines(logging.Formatter):
-    def format(self, record: logging.LogRecord) -> str:
-        content = {
-            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
-            "level": record.levelname.lower(),
-            "event": record.getMessage(),
-            **getattr(record, "fields", {}),
-        }
-        if record.exc_info:
-            content["error"] = self.formatException(record.exc_info)
-        return json.dumps(content, default=str)

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import cv2
 
 from nearfar.errors import BenchmarkError
-from nearfar.runtime import progress as logs
+from nearfar.runtime import logs
 from nearfar.runtime.cluster import Threads, connected
 from nearfar.runtime.extras import require
 from nearfar.runtime.metrics import Meter, Work, this_worker

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from nearfar.bench.datasets.composites import Case, name_below
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.geometry.homography import scale_change, transform
 from nearfar.imaging.image import Image, read_image
-
-if TYPE_CHECKING:
-    from nearfar.bench.datasets.composites import Case
 
 _HOMOGRAPHY = re.compile(r"H1to(?P<oxford>\d+)p(\.txt)?|H_1_(?P<hpatches>\d+)(\.txt)?")
 SUFFIXES = (".ppm", ".pgm", ".png", ".jpg", ".tif")

@@ -1,7 +1,5 @@
 """The length of a translation from a calibrated stereo camera, as the paper's authors did."""
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +9,13 @@ from nearfar.bench.datasets.composites import Case
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import read_image
-
-if TYPE_CHECKING:
-    from nearfar.bench.datasets.composites import Case
-    from nearfar.localization import Localization
+from nearfar.localization import Localization
 
 DISPARITIES, BLOCK_SIZE = 128, 15
 """Range and window of the block matching, in pixels."""
 
 
-def metric_scale(pose: RelativePose, found: "Localization", case: "Case") -> float | None:
+def metric_scale(pose: RelativePose, found: Localization, case: Case) -> float | None:
     """Metres per unit of the translation: median of stereo depth over triangulated depth.
 
     Args:
