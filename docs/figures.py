@@ -28,7 +28,7 @@ from nearfar.demo import PRINTS, TARGET, make_scene
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.estimators import Task
 from nearfar.features.keypoints import detect_keypoints
-from nearfar.features.matching import nearest_both_ways
+from nearfar.features.nearest import nearest_both_ways
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis

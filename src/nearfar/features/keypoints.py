@@ -1,4 +1,4 @@
-"""Keypoints with their sizes and orientations: each match of two says a similarity transform."""
+"""Keypoints of an image with their descriptors: detection and matching."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, IndexPairs, Mask, RGBPixels, Vectors
 from nearfar.errors import ImageError
-from nearfar.features.nearest import mutual_nearest, second_similarity
+from nearfar.features.matching import mutual_nearest, second_similarity
 
 
 @dataclass(frozen=True, eq=False)

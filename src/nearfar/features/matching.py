@@ -1,169 +1,100 @@
-"""Nearest and second nearest descriptors, everywhere or within a gate, in bounded memory."""
+"""Mutual nearest neighbours and the ratio test, in bounded memory."""
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import IndexPairs, Mask
-from nearfar.features.keypoints import Keypoints, negative_squared_distance
+from nearfar.arrays import Coordinates, IndexPairs, Vectors
 
-_BLOCK_VALUES = 4_000_000
-"""Distances held at a time (16 MB)."""
+Similarity = Callable[[Vectors, Vectors], NDArray[np.float32]]
+"""Maps (n, D) and (M, D) vectors to (n, M) values, larger for nearer vectors."""
 
-
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """The nearest neighbour of each of N vectors among others.
-
-    Attributes:
-        index: (N,) which of the others it is; -1 where there is none.
-        distance: (N,) its squared Euclidean distance; inf where there is none.
-        second: (N,) the second nearest one's; inf where there is none.
-    """
-
-    index: NDArray[np.intp]
-    distance: NDArray[np.float32]
-    second: NDArray[np.float32]
-
-    @staticmethod
-    def none(count: int) -> "Nearest":
-        """Nothing found yet."""
-        far_away = np.full(count, np.inf, np.float32)
-        return Nearest(np.full(count, -1, np.intp), far_away, far_away.copy())
-
-    def update(
-        self,
-        rows: NDArray[np.intp] | slice,
-        similarity: NDArray[np.float32],
-        others: NDArray[np.intp],
-    ) -> None:
-        """Take further others into account.
-
-        Args:
-            rows: which of the N vectors.
-            similarity: (rows, others) negative squared distances, which is overwritten; -inf for
-                pairs that do not count.
-            others: index of each column.
-        """
-        lines = np.arange(len(similarity))
-        column = similarity.argmax(axis=1)
-        first = -similarity[lines, column]
-        similarity[lines, column] = -np.inf
-        second = -similarity.max(axis=1)
-        old = self.distance[rows]
-        nearer = first < old
-        self.second[rows] = np.where(
-            nearer, np.minimum(second, old), np.minimum(first, self.second[rows])
-        )
-        self.index[rows] = np.where(nearer, others[column], self.index[rows])
-        self.distance[rows] = np.where(nearer, first, old)
+_BLOCK_VALUES = 16_000_000
+"""Similarities held at a time (64 MB)."""
 
 
-def nearest_both_ways(far: Keypoints, near: Keypoints) -> tuple[Nearest, Nearest]:
-    """The nearest near keypoint of each far one, and the nearest far keypoint of each near one."""
-    of_far, of_near = Nearest.none(len(far)), Nearest.none(len(near))
-    if not len(far) or not len(near):
-        return of_far, of_near
-    all_near = np.arange(len(near))
-    every = slice(0, len(near))
-    rows = max(1, _BLOCK_VALUES // len(near))
-    for start in range(0, len(far), rows):
-        block = slice(start, min(start + rows, len(far)))
-        similarity = negative_squared_distance(far.vectors[block], near.vectors)
-        transposed = similarity.T.copy()
-        of_far.update(block, similarity, all_near)
-        of_near.update(every, transposed, np.arange(block.start, block.stop))
-    return of_far, of_near
+def mutual_nearest(
+    far: Vectors,
+    near: Vectors,
+    similarity: Similarity,
+) -> IndexPairs:
+    """Pairs of which each is the other's nearest neighbour (brute force, cross-checked).
 
-
-@dataclass(frozen=True)
-class Gate:
-    """How much two keypoints in a common frame may differ.
-
-    Attributes:
-        radius: in x and in y, in pixels of the frame.
-        size: ratio of their sizes.
-        angle: of their orientations, in radians.
-    """
-
-    radius: float
-    size: float
-    angle: float
-
-
-def nearest_within(far: Keypoints, near: Keypoints, gate: Gate) -> tuple[Nearest, Nearest]:
-    """The same among the pairs that the gate lets pass; both are in one frame."""
-    of_far, of_near = Nearest.none(len(far)), Nearest.none(len(near))
-    if not len(far) or not len(near):
-        return of_far, of_near
-    cell = max(gate.radius, 16.0)
-    far_cells, near_cells = _by_cell(far, cell), _by_cell(near, cell)
-    for (column, row), far_index in far_cells.items():
-        around = [
-            near_cells[x, y]
-            for x in (column - 1, column, column + 1)
-            for y in (row - 1, row, row + 1)
-            if (x, y) in near_cells
-        ]
-        if not around:
-            continue
-        near_index = np.concatenate(around)
-        similarity = negative_squared_distance(far.vectors[far_index], near.vectors[near_index])
-        similarity[~_passes(far[far_index], near[near_index], gate)] = -np.inf
-        transposed = similarity.T.copy()
-        of_far.update(far_index, similarity, near_index)
-        of_near.update(near_index, transposed, far_index)
-    return of_far, of_near
-
-
-def mutual_by_ratio(of_far: Nearest, of_near: Nearest, ratio: float) -> IndexPairs:
-    """Mutual nearest neighbours that pass the ratio test (Lowe, 2004) in both directions.
+    Args:
+        far: (N, D).
+        near: (M, D).
+        similarity: of two sets of vectors.
 
     Returns:
-        (K, 2) indices, sorted by the far index.
+        (K, 2) indices, sorted by the far index; of equally near neighbours the first counts.
     """
-    if not len(of_far.index) or not len(of_near.index):
+    if len(far) == 0 or len(near) == 0:
         return np.empty((0, 2), np.intp)
-    far = np.flatnonzero(of_far.index >= 0)
-    near = of_far.index[far]
-    mutual = of_near.index[near] == far
-    far, near = far[mutual], near[mutual]
-    second = np.minimum(of_far.second[far], of_near.second[near])
-    passed = of_far.distance[far] < ratio**2 * second
-    return np.column_stack([far[passed], near[passed]])
+    near_of_far = np.empty(len(far), np.intp)
+    far_of_near = np.zeros(len(near), np.intp)
+    best = np.full(len(near), -np.inf, np.float32)
+    rows = max(1, _BLOCK_VALUES // len(near))
+    for start in range(0, len(far), rows):
+        block = similarity(far[start : start + rows], near)
+        near_of_far[start : start + rows] = block.argmax(axis=1)
+        nearest = block.argmax(axis=0)
+        value = block[nearest, np.arange(len(near))]
+        better = value > best
+        far_of_near[better] = nearest[better] + start
+        best[better] = value[better]
+    far_index = np.flatnonzero(far_of_near[near_of_far] == np.arange(len(far)))
+    return np.column_stack([far_index, near_of_far[far_index]])
 
 
-def _by_cell(points: Keypoints, size: float) -> dict[tuple[int, int], NDArray[np.intp]]:
-    """The keypoints in each square cell."""
-    cells = np.floor(points.xy / size).astype(np.intp)
-    distinct, which = np.unique(cells, axis=0, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
-    starts = np.searchsorted(which.ravel()[order], np.arange(1, len(distinct)))
-    return {
-        (int(x), int(y)): members
-        for (x, y), members in zip(distinct, np.split(order, starts), strict=True)
-    }
-
-
-def _passes(far: Keypoints, near: Keypoints, gate: Gate) -> Mask:
-    """(N, M) which pairs the gate lets pass."""
-    passed = _apart(far.xy[:, 0], near.xy[:, 0]) < gate.radius
-    passed &= _apart(far.xy[:, 1], near.xy[:, 1]) < gate.radius
-    passed &= _apart(np.log(far.size), np.log(near.size)) < np.log(gate.size)
-    passed &= _direction(far.angle) @ _direction(near.angle).T > np.cos(gate.angle)
-    return passed
-
-
-def _apart(
-    left: NDArray[np.floating[Any]], right: NDArray[np.floating[Any]]
+def second_similarity(
+    vectors: Vectors,
+    others: Vectors,
+    nearest: NDArray[np.intp],
+    similarity: Similarity,
+    others_xy: Coordinates | None = None,
+    radius: float = 0.0,
 ) -> NDArray[np.float32]:
-    """(N, M) absolute differences."""
-    difference = np.subtract.outer(left.astype(np.float32), right.astype(np.float32))
-    return np.abs(difference, out=difference)
+    """Similarity to the nearest of the other vectors, the nearest neighbour itself left out.
+
+    Args:
+        vectors: (N, D).
+        others: (M, D).
+        nearest: (N,) index of each vector's nearest neighbour among the others.
+        similarity: of two sets of vectors.
+        others_xy: (M, 2) positions of the others; where given, all of them that lie within the
+            radius of the nearest neighbour, in x and in y, are left out together with it.
+        radius: in pixels.
+
+    Returns:
+        (N,) values; -inf where no other vector remains.
+    """
+    neighbourhoods = None if others_xy is None else _Neighbourhoods(others_xy, radius)
+    second = np.empty(len(vectors), np.float32)
+    rows = max(1, _BLOCK_VALUES // max(1, len(others)))
+    for start in range(0, len(vectors), rows):
+        part = slice(start, start + rows)
+        block = similarity(vectors[part], others)
+        if neighbourhoods is not None:
+            for row, index in enumerate(nearest[part]):
+                block[row, neighbourhoods.around(index)] = -np.inf
+        block[np.arange(len(block)), nearest[part]] = -np.inf
+        second[part] = block.max(axis=1)
+    return second
 
 
-def _direction(angle: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, 2) unit vectors."""
-    return np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+class _Neighbourhoods:
+    """Which points lie around others, by bisection of their x."""
+
+    def __init__(self, xy: Coordinates, radius: float) -> None:
+        self._xy, self._radius = xy, radius
+        self._order = np.argsort(xy[:, 0], kind="stable")
+        self._sorted_x = xy[self._order, 0]
+
+    def around(self, index: int) -> NDArray[np.intp]:
+        """The points within the radius of a point, in x and in y, itself included."""
+        x, y = self._xy[index]
+        first, last = np.searchsorted(self._sorted_x, [x - self._radius, x + self._radius])
+        strip = self._order[first:last]
+        close: NDArray[np.intp] = strip[np.abs(self._xy[strip, 1] - y) <= self._radius]
+        return close

@@ -13,7 +13,7 @@ from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features.keypoints import Keypoints, Points, detect_keypoints
-from nearfar.features.matching import Nearest, nearest_both_ways
+from nearfar.features.nearest import Nearest, nearest_both_ways
 from nearfar.geometry.homography import outline, transform
 from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.methods import METHODS

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, IndexPairs, Mask
 from nearfar.features.keypoints import Keypoints, first_of_each_cell
-from nearfar.features.matching import Nearest
+from nearfar.features.nearest import Nearest
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 
 MOST_MATCHES = 3000

@@ -8,7 +8,7 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.features.keypoints import Keypoints, detect_keypoints
-from nearfar.features.matching import (
+from nearfar.features.nearest import (
     Gate,
     Nearest,
     mutual_by_ratio,
