@@ -103,7 +103,8 @@ class Localizer:
         Raises:
             ImageError: an image cannot be read.
             IntrinsicsError: the intrinsics are not valid, or a pose is asked for without any.
-            SettingsError: the model is unknown, or `expected` holds what is no homography.
+            SettingsError: the model is unknown, `expected` holds what is no homography, or a
+                plug-in returned another number of inlier flags than of matches.
         """
         known = None if intrinsics is None else read_intrinsics(intrinsics)
         kind = _model_kind(model, known)
@@ -152,6 +153,7 @@ class Localizer:
     ) -> Localization:
         """The answer in pixels of the original images."""
         kind = task.model
+        _check_lengths(answer, self.settings.method)
         exponent = answer.log10_false_alarms
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
@@ -224,6 +226,16 @@ def localize(
     if method is not None:
         options["method"] = method
     return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
+
+
+def _check_lengths(answer: Answer, method: str) -> None:
+    """Raise a SettingsError where matches and inlier flags of a plug-in differ in number."""
+    far, near, flags = len(answer.far), len(answer.near), len(answer.estimate.inliers)
+    if not far == near == flags:
+        raise SettingsError(
+            f"the method {method!r} or its estimator returned {far} far points, {near} near points "
+            f"and {flags} inlier flags: return one flag for each pair of points"
+        )
 
 
 def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:

@@ -26,6 +26,11 @@ class Careful:
         return self._inner.estimate(far, near, task)
 
 
+class Careless(Careful):
+    def estimate(self, far, near, task):
+        return self._inner.estimate(far[1:], near[1:], task)
+
+
 @EXPORTERS.register("count")
 class Count(Exporter):
     file_name = "count.txt"
@@ -95,6 +100,16 @@ def test_estimator(estimator: str, installed: Path, known_files: tuple[Path, Pat
     assert ran.returncode == own.returncode == 0, ran.stderr
     assert json.loads(ran.stdout)["status"] == "localized"
     assert json.loads(ran.stdout)["inliers"] != json.loads(own.stdout)["inliers"]
+
+
+def test_a_wrong_number_of_flags_is_one_line(
+    installed: Path, known_files: tuple[Path, Path]
+) -> None:
+    options = ["--method", "sift-ratio", "--estimator", "python:mine_plugins.Careless"]
+    ran = nearfar(installed, "localize", *known_files, *options)
+    assert ran.returncode == 2
+    assert "return one flag for each pair of points" in ran.stderr
+    assert "Traceback" not in ran.stderr
 
 
 def test_workers_know_them(installed: Path, known_files: tuple[Path, Path], tmp_path: Path) -> None:
