@@ -12,9 +12,12 @@ Modules are imported when a kind is first asked for.
 
 import difflib
 import functools
+import hashlib
 import importlib
+import importlib.util
 import pkgutil
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from nearfar.errors import SettingsError
@@ -129,6 +132,37 @@ def _import_entry_points() -> None:
                 f"the plug-in {entry.name!r} ({entry.value}) cannot be imported "
                 f"({type(error).__name__}: {error}); mend or uninstall its package"
             ) from error
+
+
+def outside_code(settings: Settings) -> dict[str, str]:
+    """Return the SHA-256 of the source files of plug-ins from outside the package, by module.
+
+    These are the modules that the settings name as `python:module.Class`, and those of entry
+    points, whatever they register. What such a module imports is not covered.
+    """
+    from importlib.metadata import entry_points
+
+    named = (
+        settings.method,
+        settings.proposer,
+        settings.estimator,
+        *settings.descriptor.split("+"),
+    )
+    paths = [name.removeprefix(EXTERNAL) for name in named if name.startswith(EXTERNAL)]
+    modules = {path.rpartition(".")[0] for path in paths}
+    modules |= {entry.module for entry in entry_points(group=ENTRY_POINTS)}
+    return {module: _source_hash(module) for module in sorted(modules)}
+
+
+def _source_hash(module: str) -> str:
+    """SHA-256 of a module's file; empty where it has none, which its import will tell."""
+    try:
+        found = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return ""
+    if found is None or found.origin is None or not Path(found.origin).is_file():
+        return ""
+    return hashlib.sha256(Path(found.origin).read_bytes()).hexdigest()
 
 
 def find_external(path: str, kind: str) -> Callable[..., Any]:

@@ -1,6 +1,8 @@
 """Benchmark runs: evaluation, resuming, and pairs that cannot be read."""
 
+import importlib
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +105,53 @@ def test_whatever_goes_wrong_with_a_case_is_recorded(
     rows = run(find_pairs(folder)[:1], [SIFT], tmp_path / "rows.jsonl")
     assert rows[0]["status"] == "error"
     assert rows[0]["reason"] == "MemoryError: too large"
+
+
+def test_changed_truth_and_images_run_again(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "rows.jsonl"
+    before = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    capsys.readouterr()
+    content = json.loads((folder / "right" / "pair.json").read_text())
+    content["far_points"] = [[x + 10, y] for x, y in content["far_points"]]
+    (folder / "right" / "pair.json").write_text(json.dumps(content))
+    (folder / "unreadable" / "near.png").write_bytes((folder / "right/near.png").read_bytes())
+    after = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    assert "reused 1 rows" in capsys.readouterr().err
+    assert before["right"]["error"] < 1
+    assert after["right"]["error"] == pytest.approx(10, abs=1)
+    assert after["unreadable"]["status"] == "localized"
+    assert after["shifted"] == before["shifted"]
+    PillowImage.new("RGB", (640, 480)).save(folder / "shifted" / "far.png")
+    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    assert rows["shifted"]["status"] == "failed"
+
+
+def test_rows_of_the_first_version_are_reused(folder: Path, tmp_path: Path) -> None:
+    file = tmp_path / "rows.jsonl"
+    made = run(find_pairs(folder), [SIFT], file)
+    old = [{name: value for name, value in row.items() if name != "data"} for row in made]
+    file.write_text("".join(json.dumps(row) + "\n" for row in old))
+    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    assert "data" not in rows["right"]
+    assert rows["right"]["seconds"] == old[0]["seconds"]
+
+
+def test_a_changed_matcher_runs_again(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = tmp_path / "changing_matcher.py"
+    monkeypatch.syspath_prepend(tmp_path)
+    settings = Settings(method="python:changing_matcher.match")
+    found = []
+    for points in ("[[0, 0]]", "[[0, 0], [1, 1]]"):
+        module.write_text(f"def match(far, near):\n    return {points}, {points}\n")
+        sys.modules.pop("changing_matcher", None)
+        importlib.invalidate_caches()
+        rows = run(find_pairs(folder)[:1], [settings], tmp_path / "rows.jsonl")
+        found.append(rows[0]["matches"])
+    assert found == [1, 2]
 
 
 def test_other_settings_are_other_results(folder: Path, tmp_path: Path) -> None:

@@ -276,6 +276,31 @@ def test_another_shipped_network_makes_other_features(
     assert len(found) == 2
 
 
+@pytest.mark.parametrize(
+    ("source", "same"),
+    [
+        ("def f():\n    _log.warning('other words')\n    raise ValueError('b')\n", True),
+        (
+            "def f():\n    # A comment.\n    _log.warning('words')\n    raise ValueError('a')\n",
+            True,
+        ),
+        ("def f():\n    _log.warning('words')\n    raise KeyError('a')\n", False),
+        ("def f():\n    _log.warning('words')\n    return 1\n", False),
+    ],
+)
+def test_words_are_no_part_of_the_code(
+    source: str, same: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(feature_store, "_PACKAGE", tmp_path)
+    found = set()
+    for content in ("def f():\n    _log.warning('words')\n    raise ValueError('a')\n", source):
+        (tmp_path / "module.py").write_text(content)
+        feature_store._code_hash.cache_clear()
+        found.add(settings_hash(Settings()))
+    feature_store._code_hash.cache_clear()
+    assert (len(found) == 1) == same
+
+
 def test_a_localizer_computes_features_once_for_all_runs(
     known_pair: KnownPair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ class Task:
         case: the case.
         settings: the method and its settings.
         key: hash of the settings.
+        data: hash of the case's images and ground truth, from `Case.content_hash`.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
         features: folder of the feature store; None keeps features in memory alone.
     """
@@ -41,6 +42,7 @@ class Task:
     case: Case
     settings: Settings
     key: str
+    data: str
     descriptor: str | None
     features: Path | None
 
@@ -55,7 +57,10 @@ def run(
 ) -> list[Row]:
     """Localize every case with every setting, skipping what the result file holds already.
 
-    Errors are tried again; of several rows of a case and setting the last counts.
+    A row counts as done where its settings, its images, its ground truth and the source of plug-ins
+    from outside have not changed. Rows of nearfar 0.1.0 do not name their images, which are taken
+    as unchanged. The error output tells how many rows are reused. Errors are tried again; of
+    several rows of a case and setting the last counts.
 
     A case that raises an error, or kills its worker, is recorded with the reason, and the run goes
     on. Results are the same for any number of workers, times aside.
@@ -76,20 +81,28 @@ def run(
         StorageError: the same in object storage.
     """
     meter = Meter()
+    _localizer.cache_clear()  # An earlier run's may hold a plug-in that has changed since.
     rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
-    done = {key for key, row in rows.items() if row["status"] != "error"}
-    wanted = []
+    wanted: list[Task] = []
+    hashes = [case.content_hash() for case in cases]
     for each in settings:
         key, descriptor = settings_key(each), Localizer(each).descriptor
-        wanted += [Task(case, each, key, descriptor, features) for case in cases]
-    todo = [task for task in wanted if (task.case.name, task.key) not in done]
+        wanted += [
+            Task(case, each, key, data, descriptor, features)
+            for case, data in zip(cases, hashes, strict=True)
+        ]
+    tasks = {(task.case.name, task.key): task for task in wanted}
+    todo = [task for each, task in tasks.items() if not _is_done(rows.get(each), task.data)]
     meter.skipped = len(wanted) - len(todo)
+    if meter.skipped:
+        logs.say(f"reused {meter.skipped} rows of {file}; to run: {len(todo)}")
     logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
     with row_file(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, settings)
         for row in (workers or Workers()).run(localize_case, todo, _died, meter):
             identity = row["case"], row["settings"]
-            if identity not in rows or row["status"] != "error":  # Else it went wrong before, too.
+            row["data"] = tasks[identity].data
+            if row["status"] != "error" or _differs(rows.get(identity), row):
                 out.append(row)
                 rows[identity] = row
             meter.failed += row["status"] == "error"
@@ -99,6 +112,16 @@ def run(
         record_metrics(file.parent, file.name, metrics)
     logs.event("run finished", results=str(file), **metrics.to_dict())
     return [rows[task.case.name, task.key] for task in wanted]
+
+
+def _is_done(row: Row | None, data: str) -> bool:
+    """Whether a row is no error and of these images and this ground truth."""
+    return row is not None and row["status"] != "error" and row.get("data", data) == data
+
+
+def _differs(before: Row | None, row: Row) -> bool:
+    """Whether an error is another than before, or of other images."""
+    return before is None or before["status"] != "error" or before.get("data") != row["data"]
 
 
 def localize_case(task: Task) -> Row:

@@ -26,6 +26,12 @@ def event(what: str, level: int = logging.INFO, /, **fields: Any) -> None:
     _log.log(level, what, extra={"fields": fields})
 
 
+def say(text: str) -> None:
+    """Tell a person something on the error output, where no events are wanted."""
+    if not are_wanted():
+        sys.stderr.write(f"nearfar: {text}\n")
+
+
 def are_wanted() -> bool:
     """Whether events are logged."""
     return _log.isEnabledFor(logging.INFO)

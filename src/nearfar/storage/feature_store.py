@@ -8,6 +8,7 @@ A file appears under its name only when it is complete, so a process may be kill
 several may write the same features. Every part has a checksum; a damaged file counts as absent.
 """
 
+import ast
 import dataclasses
 import functools
 import hashlib
@@ -31,6 +32,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nearfar.registry import outside_code
 from nearfar.settings import Settings
 
 Features = TypeVar("Features")
@@ -52,7 +54,7 @@ NOT_IN_FEATURES = frozenset(
 
 _PACKAGE = Path(__file__).parents[1]
 _PARTS_WITHOUT_FEATURES = frozenset(
-    {"adapters", "app", "bench", "cli", "estimators", "exports", "geometry", "maps", "render"}
+    {"adapters", "app", "bench", "cli", "estimators", "exports", "maps", "render"}
     | {"runtime", "storage", "train", "verification"}
 )
 """Parts of the package in which a change leaves stored features valid."""
@@ -175,8 +177,8 @@ def settings_hash(settings: Settings) -> str:
     """SHA-256 of all that features depend on beside the image.
 
     That is every setting but `NOT_IN_FEATURES`, with the content of weights files in place of
-    their names, the code and network of this package, and the versions of the libraries that
-    compute features.
+    their names, the code and network of this package, the source of plug-ins from outside, and the
+    versions of the libraries that compute features.
 
     Raises:
         OSError: a weights file cannot be read.
@@ -189,7 +191,7 @@ def settings_hash(settings: Settings) -> str:
     content["weights"] = {
         name: _file_hash(Path(file).expanduser()) for name, file in sorted(settings.weights.items())
     }
-    content["code"] = _code_hash()
+    content["code"] = _code_hash(), outside_code(settings)
     content["libraries"] = [
         cv2.__version__,
         np.__version__,
@@ -287,10 +289,38 @@ def _file_hash(file: Path) -> str:
 
 @functools.cache
 def _code_hash() -> str:
-    """SHA-256 of the package's source files and network that may compute features."""
+    """SHA-256 of the package's source code and network that may compute features.
+
+    Comments, docstrings, log messages and the words of exceptions are no part of it.
+    """
     digest = hashlib.sha256()
     for file in sorted([*_PACKAGE.rglob("*.py"), *_PACKAGE.rglob("*.onnx")]):
         name = file.relative_to(_PACKAGE)
-        if name.parts[0] not in _PARTS_WITHOUT_FEATURES:
-            digest.update(f"{name.as_posix()} {_file_hash(file)}\n".encode())
+        if name.parts[0] in _PARTS_WITHOUT_FEATURES:
+            continue
+        content = file.read_bytes()
+        if file.suffix == ".py":
+            content = ast.dump(_WithoutWords().visit(ast.parse(content))).encode()
+        digest.update(f"{name.as_posix()} {hashlib.sha256(content).hexdigest()}\n".encode())
     return digest.hexdigest()
+
+
+class _WithoutWords(ast.NodeTransformer):
+    """Drops what people read: docstrings, calls of the logger, arguments of exceptions."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        """Drop constants, which are docstrings, and calls of `_log`."""
+        value = node.value
+        logs = (
+            isinstance(value, ast.Call)
+            and isinstance(value.func, ast.Attribute)
+            and isinstance(value.func.value, ast.Name)
+            and value.func.value.id == "_log"
+        )
+        return None if logs or isinstance(value, ast.Constant) else self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        """Keep the class of an exception alone."""
+        if isinstance(node.exc, ast.Call):
+            node.exc = node.exc.func
+        return node

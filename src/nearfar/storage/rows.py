@@ -23,6 +23,7 @@ from typing import Any
 
 from nearfar.errors import BenchmarkError, StorageError
 from nearfar.networks.landmark_network import landmark_network
+from nearfar.registry import outside_code
 from nearfar.runtime.cluster import versions
 from nearfar.runtime.metrics import RunMetrics
 from nearfar.settings import Settings
@@ -39,7 +40,10 @@ JOINING_ATTEMPTS = 5
 
 
 def settings_table(settings: Settings) -> dict[str, Any]:
-    """Settings for JSON; weights files, and the model that ships, are named by their SHA-256."""
+    """Settings for JSON, with the SHA-256 of what makes results with them beside this package.
+
+    That is the SHA-256 of weights files, of the model that ships, and of plug-ins from outside.
+    """
     content = dataclasses.asdict(settings)
     content["weights"] = {
         name: hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
@@ -49,11 +53,13 @@ def settings_table(settings: Settings) -> dict[str, Any]:
         content["weights"]["nearfar"] = hashlib.sha256(landmark_network(settings)).hexdigest()
     if content["max_false_alarms"] == float("inf"):
         content["max_false_alarms"] = "inf"
+    if code := outside_code(settings):
+        content["code"] = code
     return content
 
 
 def settings_key(settings: Settings) -> str:
-    """A short hash of all settings and weights; code and images are not part of it."""
+    """A short hash of `settings_table`; the code of this package and images are no part of it."""
     text = json.dumps(settings_table(settings), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 

@@ -1,5 +1,6 @@
 """One case of a benchmark: a pair of images with its ground truth."""
 
+import functools
 import hashlib
 import math
 from collections.abc import Mapping
@@ -73,6 +74,36 @@ class Case:
     intrinsics: Intrinsics | None = None
     stereo: Stereo | None = None
     tags: Mapping[str, str | float] = field(default_factory=dict)
+
+    def content_hash(self) -> str:
+        """SHA-256 of the images' files and the ground truth; a missing file counts as empty."""
+        digest = hashlib.sha256()
+        right = () if self.stereo is None else (self.stereo.right,)
+        for image in (self.far, self.near, *right):
+            digest.update(_file_hash(image).encode())
+        digest.update(np.asarray(self.far_points, np.float64).tobytes())
+        digest.update(np.asarray(self.near_points, np.float64).tobytes())
+        if self.pose is not None:
+            digest.update(np.asarray(self.pose.rotation, np.float64).tobytes())
+            digest.update(np.asarray(self.pose.translation, np.float64).tobytes())
+        cameras = (self.model, self.intrinsics, self.stereo and self.stereo.baseline)
+        digest.update(repr(cameras).encode())
+        return digest.hexdigest()[:16]
+
+
+def _file_hash(file: Path) -> str:
+    """SHA-256 of a file, kept for as long as its size and time of change stay."""
+    try:
+        state = file.stat()
+    except OSError:
+        return ""
+    return _hash_of_state(file, state.st_size, state.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=4096)
+def _hash_of_state(file: Path, size: int, modified: int) -> str:  # noqa: ARG001
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 SCENE_SIZE = (1200, 900)
