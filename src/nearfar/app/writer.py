@@ -14,7 +14,7 @@ import numpy as np
 from nearfar.app.kept import Kept, read_matches
 from nearfar.app.tasks import Message
 from nearfar.errors import ExportError, NearfarError
-from nearfar.exports import EXPORTERS, Subject, exporter
+from nearfar.exports import EXPORTERS, Subject, registered_exporter
 from nearfar.imaging.image import Image, read_image
 from nearfar.localization import PointMatches
 from nearfar.settings import Settings
@@ -113,7 +113,7 @@ def _image(image: ImageTask, task: ExportTask) -> Image:
 def _written(name: str, subject: Subject, task: ExportTask) -> Outcome:
     file = ""
     try:
-        writer = exporter(name)
+        writer = registered_exporter(name)
         file = writer.file_name
         if task.matches is None and name not in WITHOUT_MATCHES:
             raise ExportError(

@@ -50,17 +50,31 @@ class Exporter(ABC):
 EXPORTERS: Registry[Exporter] = Registry("export format", "nearfar.exports")
 
 
-def exporter(name: str) -> Exporter:
-    """The exporter of a format.
+def registered_exporter(name: str) -> Exporter:
+    """Return the exporter of a registered format.
+
+    Unlike `exporter` it imports nothing that the name tells, so the name may come from a stranger.
 
     Raises:
         SettingsError: there is no such format.
         MissingExtraError: a package that the format needs is not installed.
     """
     names = EXPORTERS.names()
-    if not name.startswith(EXTERNAL) and name not in names:
+    if name not in names:
         raise SettingsError(f"unknown export format {name!r}; there are {', '.join(names)}")
     return EXPORTERS.create(name, Settings())
+
+
+def exporter(name: str) -> Exporter:
+    """Return the exporter of a format: its registered name, or `python:module.Class`.
+
+    Raises:
+        SettingsError: there is no such format.
+        MissingExtraError: a package that the format needs is not installed.
+    """
+    if name.startswith(EXTERNAL):
+        return EXPORTERS.create(name, Settings())
+    return registered_exporter(name)
 
 
 def export(
