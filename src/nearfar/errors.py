@@ -36,6 +36,10 @@ class MapError(NearfarError):
     """A map is missing, of another kind, in use, or an image of it is unknown."""
 
 
+class ClusterError(NearfarError):
+    """A Dask cluster cannot be reached, has no workers, or has workers of other versions."""
+
+
 class ExternalMethodError(NearfarError):
     """A matcher that was named by `python:module.function` raised an exception."""
 

@@ -15,7 +15,7 @@ from nearfar import open_map
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.runner import run
 from nearfar.cli import main
-from nearfar.errors import BenchmarkError
+from nearfar.errors import ClusterError
 from nearfar.runtime import cluster as dask_cluster
 from nearfar.runtime.metrics import Meter
 from nearfar.runtime.workers import Workers
@@ -161,7 +161,7 @@ class FakeClient:
 
 def test_workers_with_other_versions_are_refused() -> None:
     other = {**dask_cluster.versions(), "numpy": "1.0"}
-    with pytest.raises(BenchmarkError, match=r"tcp://worker has numpy 1\.0.*install the same"):
+    with pytest.raises(ClusterError, match=r"tcp://worker has numpy 1\.0.*install the same"):
         dask_cluster._check_versions(FakeClient(other))
 
 
@@ -171,7 +171,7 @@ def test_a_scheduler_without_workers_is_named(monkeypatch: pytest.MonkeyPatch) -
     begun = time.monotonic()
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as cluster,
-        pytest.raises(BenchmarkError, match="no workers: start some with `dask worker"),
+        pytest.raises(ClusterError, match="no workers: start some with `dask worker"),
     ):
         list(Workers(scheduler=cluster.scheduler_address).run(abs, range(3), gave_up))
     assert time.monotonic() - begun < 30

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nearfar.errors import BenchmarkError
+from nearfar.errors import ClusterError
 from nearfar.runtime import cluster
 from nearfar.runtime.workers import Workers
 
@@ -75,5 +75,5 @@ def test_workers_that_keep_much_go_on() -> None:
 def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "CONNECTION_SECONDS", 1)
-    with pytest.raises(BenchmarkError, match="127.0.0.1:9"):
+    with pytest.raises(ClusterError, match="127.0.0.1:9"):
         list(Workers(scheduler="tcp://127.0.0.1:9").run(square, range(3), gave_up))

@@ -147,7 +147,7 @@ class Map:
             progress: is told how many of how many images are done.
 
         Raises:
-            BenchmarkError: the cluster cannot be used.
+            ClusterError: the cluster cannot be used.
             MapError: there is no such file, another process is writing, the map was made with
                 another descriptor, or its tables cannot be written, e.g. on a full disk; what was
                 committed is kept.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from nearfar.errors import BenchmarkError
+from nearfar.errors import ClusterError
 
 CONNECTION_SECONDS = 20
 """How long a scheduler may take to answer."""
@@ -48,7 +48,7 @@ def connected(address: str) -> Iterator[Any]:
     """A client of the scheduler at an address, which has workers.
 
     Raises:
-        BenchmarkError: it is not there, has no workers, or they have other versions.
+        ClusterError: it is not there, has no workers, or they have other versions.
     """
     import dask
     from distributed import Client
@@ -56,12 +56,12 @@ def connected(address: str) -> Iterator[Any]:
     try:
         client = Client(address, timeout=CONNECTION_SECONDS, direct_to_workers=True)
     except (OSError, ValueError) as error:
-        raise BenchmarkError(f"the scheduler {address} cannot be reached: {error}") from error
+        raise ClusterError(f"the scheduler {address} cannot be reached: {error}") from error
     with client, dask.config.set({"distributed.comm.timeouts.connect": DEAD_AFTER}):
         try:
             client.wait_for_workers(1, timeout=WORKER_SECONDS)
         except TimeoutError:
-            raise BenchmarkError(
+            raise ClusterError(
                 f"the scheduler {address} has no workers: start some with `dask worker {address} "
                 f"--nthreads 1`"
             ) from None
@@ -76,7 +76,7 @@ def _check_versions(client: Any) -> None:
         for package, version in own.items():
             if found.get(package) != version:
                 there = found.get(package, "(none)")
-                raise BenchmarkError(
+                raise ClusterError(
                     f"the worker {worker} has {package} {there}, here it is {version}: "
                     f"install the same everywhere"
                 )

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import cv2
 
-from nearfar.errors import BenchmarkError
+from nearfar.errors import ClusterError
 from nearfar.runtime import logs
 from nearfar.runtime.cluster import Threads, connected
 from nearfar.runtime.extras import require
@@ -65,7 +65,7 @@ class Workers:
             meter: counts what is done.
 
         Raises:
-            BenchmarkError: the scheduler is not there, or its workers have other versions.
+            ClusterError: the scheduler is not there, or its workers have other versions.
             MissingExtraError: joblib or Dask is not installed.
         """
         numbered = dict(enumerate(tasks))
@@ -210,7 +210,7 @@ class _Hands:
                     self._meter.finished(work)
                     yield index, result
         except _lost() as error:
-            raise BenchmarkError(
+            raise ClusterError(
                 f"the scheduler is gone ({type(error).__name__}): what is done is kept, start it "
                 f"and run the command again"
             ) from None
