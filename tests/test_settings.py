@@ -1,9 +1,11 @@
-"""Settings refuse unknown names and values out of range."""
+"""Settings refuse unknown names and values out of range; each has a text."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import pytest
+from docstring_parser import parse_from_object
 
 from nearfar import Localizer, localize
 from nearfar.errors import SettingsError
@@ -68,3 +70,9 @@ def test_equal_settings_have_equal_hashes() -> None:
     one, other = Settings(proposal_sigma=1), Settings(proposal_sigma=1.0)
     assert one == other
     assert hash(one) == hash(other)
+
+
+def test_every_field_has_a_text_in_the_order_of_the_fields() -> None:
+    texts = {each.arg_name: each.description for each in parse_from_object(Settings).params}
+    assert list(texts) == [field.name for field in dataclasses.fields(Settings)]
+    assert all(texts.values())

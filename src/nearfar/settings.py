@@ -23,79 +23,70 @@ LARGEST_SIGMA = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything that can change a result, apart from the images, the model and the intrinsics.
+    """Hold every value that can change a result, besides the images, the model and the intrinsics.
 
     The defaults of the method `paper` are those of Holliday and Dudek (2018). Lengths in pixels
     are pixels of the working image (see `max_size`).
+
+    The texts below are also the help of the command line and the reference in the documentation.
+
+    Attributes:
+        method: Method that localizes; `nearfar list` names all methods.
+        max_effort: Method adaptive: last step to try. Each step costs more than the one before.
+        budget: Method adaptive: start no further step after this many seconds. Results then depend
+            on the speed of the machine.
+        min_confidence: Method adaptive: report a failure if the calibrated confidence is lower.
+            The default of max_false_alarms already refuses homographies below 0.69 and other
+            models below 0.77.
+        max_false_alarms: Report a failure if chance alone would give more models as good as the
+            one found. inf accepts every model, as the paper does.
+        max_size: Longest side of a working image, in pixels. Larger images are reduced; 0 keeps
+            the original size.
+        max_pixels: Refuse images with more pixels, which may be decompression bombs.
+        seed: Seed of all random choices.
+        weights: Files with the weights of networks (.safetensors, .pth or .onnx), by the name of
+            the network.
+        descriptor: Network or function that describes landmarks.
+        batch_size: Number of landmarks that pass through a network together.
+        estimator: Methods paper, objects, sift, sift-ratio and external ones: what fits the model
+            to point matches.
+        inlier_threshold: Methods that take an estimator: largest error of an inlier, in pixels. The
+            error is the reprojection error or the epipolar distance. The estimators lo-ransac,
+            prosac and magsac take Sampson's distance, which is smaller.
+        proposer: Methods paper and objects: what proposes the boxes that may hold an object.
+        proposal_mode: Selective Search: strategy. The paper uses "single".
+        proposal_k: Selective Search: scale parameter k of the first segmentation. By default 500
+            for "single", as in the paper, and 150 for the others, as in OpenCV.
+        proposal_sigma: Selective Search: smoothing before the first segmentation, in pixels.
+        proposal_max_size: Selective Search: longest side of the image it works on, in pixels; 0
+            takes the working image.
+        proposal_min_area: Drop boxes with a smaller area, in square pixels.
+        proposal_max_aspect: Drop boxes whose longer side is more than this many times the shorter.
 
     Raises:
         SettingsError: a value is out of range.
     """
 
     method: str = "adaptive"
-    """How to localize; `nearfar list` names all methods."""
-
-    descriptor: str = "nearfar"
-    """What describes a landmark."""
-
-    proposer: str = "selective-search"
-    """Methods paper and objects: what finds the boxes that may hold an object."""
-
-    estimator: str = "ransac"
-    """Methods paper, objects, sift, sift-ratio and external ones: what fits the model."""
-
-    weights: Mapping[str, Path] = field(default_factory=dict)
-    """Network name -> file with its weights (.safetensors or .pth)."""
-
-    max_size: int = 1600
-    """Images are reduced so that neither side exceeds this; 0 keeps the original size."""
-
-    max_pixels: int = 200_000_000
-    """Refuse larger images, which may be decompression bombs."""
-
-    proposal_mode: Literal["single", "fast", "quality"] = "single"
-    """Selective Search strategy; "single" is the paper's."""
-
-    proposal_k: int | None = None
-    """Selective Search: scale parameter k of the first segmentation; None: the paper's 500 for
-    "single", OpenCV's 150 for the others."""
-
-    proposal_sigma: float = 0.9
-    """Selective Search: smoothing before the first segmentation, in pixels."""
-
-    proposal_max_size: int = 0
-    """Reduce the image to this longest side for proposals alone; 0: the working size."""
-
-    proposal_min_area: int = 200
-    """Drop boxes of a smaller area, in square pixels."""
-
-    proposal_max_aspect: float = 3.0
-    """Drop boxes whose longer side exceeds the shorter by more than this factor."""
-
-    batch_size: int = 32
-    """Landmarks that go through a network together."""
-
-    inlier_threshold: float = 6.0
-    """The methods of `estimator`: largest reprojection error or epipolar distance of an inlier, in
-    pixels; the latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac."""
-
-    max_false_alarms: float = 1e-10
-    """Report a failure where so many models as good as the one found are expected by chance; inf
-    accepts every model, as the paper does."""
-
     max_effort: Literal["points", "landmarks", "zoom", "views"] = "views"
-    """Method adaptive: the last step to try; each costs more than the one before."""
-
     budget: float = float("inf")
-    """Method adaptive: start no further step after so many seconds; results then depend on the
-    speed of the machine."""
-
     min_confidence: float = 0.5
-    """Method adaptive: report a failure where the calibrated confidence is below this. The default
-    of max_false_alarms alone refuses homographies below 0.69 and other models below 0.77."""
-
+    max_false_alarms: float = 1e-10
+    max_size: int = 1600
+    max_pixels: int = 200_000_000
     seed: int = 0
-    """Seed of every random choice."""
+    weights: Mapping[str, Path] = field(default_factory=dict)
+    descriptor: str = "nearfar"
+    batch_size: int = 32
+    estimator: str = "ransac"
+    inlier_threshold: float = 6.0
+    proposer: str = "selective-search"
+    proposal_mode: Literal["single", "fast", "quality"] = "single"
+    proposal_k: int | None = None
+    proposal_sigma: float = 0.9
+    proposal_max_size: int = 0
+    proposal_min_area: int = 200
+    proposal_max_aspect: float = 3.0
 
     def __post_init__(self) -> None:
         self._check_types()
