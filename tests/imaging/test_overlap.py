@@ -11,7 +11,9 @@ from nearfar.imaging.overlap import (
     box_overlap,
     outer_edges,
     polygon_area,
+    polygon_intersection,
     polygon_overlap,
+    rectangle,
 )
 
 SIDE = st.integers(0, 12)
@@ -68,3 +70,21 @@ def test_what_lies_at_infinity_overlaps_nothing() -> None:
     for nowhere in (np.nan, np.inf):
         assert box_overlap(box, np.array([[0, 0, nowhere, 2.0]])) == 0
     assert polygon_overlap(quadrilateral((0, 0, 2, 2)), np.zeros((4, 2))) == 0
+
+
+coordinate = st.floats(-1e12, 1e12)
+
+
+@given(st.lists(st.tuples(coordinate, coordinate), min_size=4, max_size=4))
+def test_a_clipped_triangle_lies_in_the_rectangle(corners: list[tuple[float, float]]) -> None:
+    kept = polygon_intersection(np.array(corners[:3]), rectangle(-10, -20, 100, 200))
+    assert np.isfinite(kept).all()
+    assert ((kept >= np.array([-10, -20]) - 1e-3) & (kept <= np.array([100, 200]) + 1e-3)).all()
+
+
+def test_clipping_keeps_what_is_inside_and_drops_what_is_outside() -> None:
+    square = np.array([[10, 10], [30, 10], [30, 30], [10, 30.0]])
+    np.testing.assert_array_equal(polygon_intersection(square, rectangle(0, 0, 100, 100)), square)
+    assert len(polygon_intersection(square, rectangle(40, 0, 100, 100))) == 0
+    half = polygon_intersection(square, rectangle(20, 0, 100, 100))
+    assert (half.min(axis=0).tolist(), half.max(axis=0).tolist()) == ([20, 10], [30, 30])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from nearfar import Localization, RelativePose, read_image
 from nearfar.arrays import Matrix3
-from nearfar.render.draw import clipped, inside, polygon, spread
+from nearfar.render.draw import inside, polygon, spread
 from nearfar.render.matches import agreeing_landmarks
 from nearfar.render.page import shortened, text_width
 from tests.render.build import Shift, localized
@@ -55,24 +55,6 @@ def test_without_such_a_model_no_landmark_can_be_called_right(
 ) -> None:
     found = localized(BLANK, BLANK, np.eye(3), far_from_near=model, model="pose")
     assert agreeing_landmarks(found) is None
-
-
-coordinate = st.floats(-1e12, 1e12)
-
-
-@given(st.lists(st.tuples(coordinate, coordinate), min_size=4, max_size=4))
-def test_a_clipped_triangle_lies_in_the_rectangle(corners: list[tuple[float, float]]) -> None:
-    kept = clipped(np.array(corners[:3]), -10, -20, 100, 200)
-    assert np.isfinite(kept).all()
-    assert ((kept >= np.array([-10, -20]) - 1e-3) & (kept <= np.array([100, 200]) + 1e-3)).all()
-
-
-def test_clipping_keeps_what_is_inside_and_drops_what_is_outside() -> None:
-    square = np.array([[10, 10], [30, 10], [30, 30], [10, 30.0]])
-    np.testing.assert_array_equal(clipped(square, 0, 0, 100, 100), square)
-    assert len(clipped(square, 40, 0, 100, 100)) == 0
-    half = clipped(square, 20, 0, 100, 100)
-    assert (half.min(axis=0).tolist(), half.max(axis=0).tolist()) == ([20, 10], [30, 30])
 
 
 def test_a_huge_polygon_covers_the_whole_picture() -> None:

@@ -54,7 +54,7 @@ def polygon_overlap(first: Coordinates, second: Coordinates) -> float:
         first: (N, 2) corners, in either direction around.
         second: (M, 2) the same.
     """
-    common = polygon_area(_intersection(first, second))
+    common = polygon_area(polygon_intersection(first, second))
     union = polygon_area(first) + polygon_area(second) - common
     return float(common / union) if union > 0 else 0.0
 
@@ -64,10 +64,22 @@ def polygon_area(polygon: Coordinates) -> float:
     return abs(_signed_area(polygon))
 
 
-def _intersection(polygon: Coordinates, window: Coordinates) -> Coordinates:
-    """The part of a polygon inside a convex window (Sutherland and Hodgman, 1974).
+def rectangle(left: float, top: float, right: float, bottom: float) -> Coordinates:
+    """Return the (4, 2) corners of a rectangle, clockwise from the top left one."""
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], np.float64)
+
+
+def polygon_intersection(polygon: Coordinates, window: Coordinates) -> Coordinates:
+    """Return the part of a convex polygon inside a window (Sutherland and Hodgman, 1974).
 
     OpenCV's `intersectConvexConvex` is wrong by up to the whole area where edges coincide.
+
+    Args:
+        polygon: (N, 2) corners.
+        window: (M, 2) corners of a convex polygon, in either direction.
+
+    Returns:
+        (K, 2) corners, or (0, 2) where the two do not meet.
     """
     if _signed_area(window) < 0:
         window = window[::-1]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import outline, scaling, translation
+from nearfar.imaging.overlap import polygon_area, polygon_intersection
 from nearfar.localization import Localization
-from nearfar.render.draw import MARK, WHITE, clipped, polygon
-from nearfar.render.matches import quadrangle_area
+from nearfar.render.draw import MARK, WHITE, polygon
 from nearfar.render.page import MARGIN, TITLE, Caption, Entry, Panel, composed
 from nearfar.render.view import rendered
 
@@ -136,10 +136,10 @@ def footprint_frame(
 def visible_footprint(localization: Localization) -> Coordinates | None:
     """(N, 2) the part of the footprint inside the far image, in its pixels; None if none is."""
     corners = localization.footprint
-    if corners is None or float(quadrangle_area(corners[np.newaxis])[0]) < _LEAST_AREA:
+    if corners is None or polygon_area(corners) < _LEAST_AREA:
         return None
-    left_top, _, right_bottom, _ = outline(localization.far.width, localization.far.height)
-    visible = clipped(corners, *left_top, *right_bottom)
+    whole = outline(localization.far.width, localization.far.height)
+    visible = polygon_intersection(corners, whole)
     return visible if len(visible) > 2 else None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, RGBPixels
+from nearfar.imaging.overlap import polygon_intersection, rectangle
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0..255."""
@@ -59,7 +60,9 @@ def polygon(
         casing: colour of a wider line beneath, which sets it off from any background.
     """
     height, width = pixels.shape[:2]
-    visible = clipped(corners, -_REACH, -_REACH, width + _REACH, height + _REACH)
+    visible = polygon_intersection(
+        corners, rectangle(-_REACH, -_REACH, width + _REACH, height + _REACH)
+    )
     if len(visible) == 0:
         return
     for shade, extent in ((casing, thickness + 2), (colour, thickness)):
@@ -72,7 +75,9 @@ def inside(shape: tuple[int, ...], corners: Coordinates) -> NDArray[np.float32]:
     """(height, width) share of each pixel, 0..1, that lies in a convex polygon."""
     height, width = shape[:2]
     cover = np.zeros((height, width), np.uint8)
-    visible = clipped(corners, -_REACH, -_REACH, width + _REACH, height + _REACH)
+    visible = polygon_intersection(
+        corners, rectangle(-_REACH, -_REACH, width + _REACH, height + _REACH)
+    )
     if len(visible):
         cv2.fillPoly(cover, [_fixed(visible)], 255, cv2.LINE_AA, shift=_FRACTION_BITS)
     return np.asarray(cover / 255, np.float32)
@@ -98,39 +103,6 @@ def dots(pixels: RGBPixels, centres: Coordinates, colour: Colour, radius: float)
         size = round(extent * 2**_FRACTION_BITS)
         for centre in _fixed(centres):
             cv2.circle(pixels, _pair(centre), size, shade, -1, cv2.LINE_AA, shift=_FRACTION_BITS)
-
-
-def clipped(
-    corners: Coordinates, left: float, top: float, right: float, bottom: float
-) -> Coordinates:
-    """The part of a convex polygon inside a rectangle (Sutherland and Hodgman, 1974).
-
-    Args:
-        corners: (N, 2).
-        left: the rectangle's sides, in the same pixels.
-        top: see `left`.
-        right: see `left`.
-        bottom: see `left`.
-
-    Returns:
-        (M, 2) corners, or (0, 2) where they do not meet.
-    """
-    for axis, bound, sign in ((0, left, 1), (0, right, -1), (1, top, 1), (1, bottom, -1)):
-        depth = sign * (corners[:, axis] - bound)
-        corners = _kept(corners, depth)
-    return corners
-
-
-def _kept(corners: Coordinates, depth: NDArray[np.floating]) -> Coordinates:
-    """The part of a polygon where `depth`, given at its (N,) corners, is not negative."""
-    kept = []
-    for i in range(len(corners)):
-        if (depth[i - 1] < 0) != (depth[i] < 0):
-            share = depth[i - 1] / (depth[i - 1] - depth[i])
-            kept.append(corners[i - 1] + share * (corners[i] - corners[i - 1]))
-        if depth[i] >= 0:
-            kept.append(corners[i])
-    return np.array(kept, np.float64).reshape(-1, 2)
 
 
 def spread(xy: Coordinates, most: int) -> Mask:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, Coordinates, Mask, Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
+from nearfar.imaging.overlap import box_overlap, outer_edges
 from nearfar.landmarks.landmarks import LandmarkMatches, centres
 from nearfar.localization import Localization
 from nearfar.render.draw import (
@@ -110,23 +111,16 @@ def landmark_matches(localization: Localization) -> RGBPixels:
 
 def _distinct(matches: LandmarkMatches, order: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     """The first matches whose boxes, in one of the images at least, differ from those before."""
+    far_edges, near_edges = outer_edges(matches.far_boxes), outer_edges(matches.near_boxes)
     chosen: list[int] = []
     for i in order:
         if len(chosen) >= most:
             break
-        far = _overlap(matches.far_boxes[i], matches.far_boxes[chosen])
-        near = _overlap(matches.near_boxes[i], matches.near_boxes[chosen])
+        far = box_overlap(far_edges[[i]], far_edges[chosen])
+        near = box_overlap(near_edges[[i]], near_edges[chosen])
         if not ((far > _SAME_BOX) & (near > _SAME_BOX)).any():
             chosen.append(int(i))
     return np.array(chosen, np.intp)
-
-
-def _overlap(box: NDArray[np.int32], boxes: Boxes) -> NDArray[np.floating]:
-    """(N,) intersection over union of a box with (N, 4) others."""
-    low = np.maximum(box[:2], boxes[:, :2])
-    high = np.minimum(box[:2] + box[2:], boxes[:, :2] + boxes[:, 2:])
-    common = np.maximum(high - low, 0).prod(axis=1)
-    return np.asarray(common / (box[2:].prod() + boxes[:, 2:].prod(axis=1) - common))
 
 
 def _draw_boxes(

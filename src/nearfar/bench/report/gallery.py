@@ -14,7 +14,7 @@ from nearfar.bench.report.summary import by_group, by_method
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import footprint
 from nearfar.imaging.image import read_image
-from nearfar.render.draw import clipped
+from nearfar.imaging.overlap import polygon_intersection, rectangle
 
 MOST_CARDS = 120
 """Cards of a whole report, so that the page stays small."""
@@ -87,8 +87,10 @@ class Gallery:
         corners = footprint(np.array(result.homography, np.float64), near.width, near.height)
         if corners is None:
             return Card(result, far, near, "", "The outline reaches infinity.")
-        visible = clipped(corners, -far.width, -far.height, 2 * far.width, 2 * far.height)
-        inside = clipped(corners, 0, 0, far.width - 1, far.height - 1)
+        visible = polygon_intersection(
+            corners, rectangle(-far.width, -far.height, 2 * far.width, 2 * far.height)
+        )
+        inside = polygon_intersection(corners, rectangle(0, 0, far.width - 1, far.height - 1))
         outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in visible)
         note = "" if len(inside) else "The outline lies outside the far image."
         return Card(result, far, near, outline, note)
