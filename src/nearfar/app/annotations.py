@@ -11,10 +11,10 @@ from typing import Annotated, Literal
 
 import cv2
 import numpy as np
-from fastapi import HTTPException
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
+from nearfar.app.errors import ConflictError, NotFoundError, StoreFullError
 from nearfar.app.files import write_whole
 from nearfar.app.jobs import Reference
 from nearfar.app.tasks import Message
@@ -236,10 +236,10 @@ class AnnotationStore:
         """An annotation.
 
         Raises:
-            HTTPException: 404, there is none.
+            NotFoundError: there is none.
         """
         if annotation_id not in self._all:
-            raise HTTPException(404, "there is no such annotation")
+            raise NotFoundError("there is no such annotation")
         return self._all[annotation_id]
 
     def create(
@@ -248,10 +248,10 @@ class AnnotationStore:
         """A new one without points.
 
         Raises:
-            HTTPException: 507, there are too many.
+            StoreFullError: there are too many.
         """
         if len(self._all) >= self._most:
-            raise HTTPException(507, "there are too many annotations: delete some")
+            raise StoreFullError("there are too many annotations: delete some")
         return self._save(
             Annotation(
                 id=secrets.token_hex(8),
@@ -270,11 +270,12 @@ class AnnotationStore:
         """Keep what was marked.
 
         Raises:
-            HTTPException: 409, it was changed elsewhere meanwhile; 404, there is none.
+            ConflictError: it was changed elsewhere meanwhile.
+            NotFoundError: there is none.
         """
         known = self.get(annotation_id)
         if change.version != known.version:
-            raise HTTPException(409, "this annotation was changed in another window: reload it")
+            raise ConflictError("this annotation was changed in another window: reload it")
         return self._save(
             known.model_copy(
                 update={

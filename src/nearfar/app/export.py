@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from fastapi import HTTPException
 
 from nearfar.app.annotations import LEAST, Annotation, agreement, arrays
+from nearfar.app.errors import ConflictError
 from nearfar.app.files import copy_whole, write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
@@ -38,7 +38,7 @@ def pair_json(annotation: Annotation, far: str, near: str) -> str:
         near: the same of the near image.
 
     Raises:
-        HTTPException: 409, there are too few points.
+        ConflictError: there are too few points.
     """
     far_points, near_points = checked_points(annotation)
     content: dict[str, Any] = {
@@ -105,15 +105,15 @@ def add_to_benchmark(
         The file written.
 
     Raises:
-        HTTPException: 409, there are too few points, or there is a pair of that name.
+        ConflictError: there are too few points, or there is a pair of that name.
         OSError: the folder cannot be written to.
     """
     checked_points(annotation)
     pair = folder / annotation.name
     if pair.is_symlink():
-        raise HTTPException(409, f"{annotation.name} is a link: choose another name")
+        raise ConflictError(f"{annotation.name} is a link: choose another name")
     if (pair / "pair.json").exists() and not replace:
-        raise HTTPException(409, f"{folder.name} has a pair {annotation.name} already")
+        raise ConflictError(f"{folder.name} has a pair {annotation.name} already")
     names: dict[str, str] = {}
     copies: dict[Path, Path] = {}
     for role, file in (("far", images.far), ("near", images.near)):
@@ -124,7 +124,7 @@ def add_to_benchmark(
             copies[pair / names[role]] = file
     for target in copies:
         if os.path.lexists(target) and not replace:
-            raise HTTPException(409, f"{annotation.name} has a {target.name} already")
+            raise ConflictError(f"{annotation.name} has a {target.name} already")
     pair.mkdir(exist_ok=True)
     for target, file in copies.items():
         copy_whole(file, target)
@@ -139,13 +139,13 @@ def checked_points(annotation: Annotation) -> tuple[Coordinates, Coordinates]:
     """(N, 2) far and near points.
 
     Raises:
-        HTTPException: 409, there are too few for the model.
+        ConflictError: there are too few for the model.
     """
     far, near = arrays(annotation.points)
     least = LEAST if annotation.model == "homography" else 1
     if len(far) < least:
-        raise HTTPException(
-            409, f"mark at least {least} points in both images first; there are {len(far)}"
+        raise ConflictError(
+            f"mark at least {least} points in both images first; there are {len(far)}"
         )
     return far, near
 

@@ -13,10 +13,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from fastapi import HTTPException
-from starlette.requests import ClientDisconnect
-
 from nearfar.app.configuration import MEGABYTE, Limits
+from nearfar.app.errors import BusyError, NotFoundError, StalledError, StoreFullError, TooLargeError
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -96,10 +94,10 @@ class Uploads:
         """The file of an upload.
 
         Raises:
-            HTTPException: 404, it is none.
+            NotFoundError: it is none.
         """
         if not _DIGEST.fullmatch(digest):
-            raise HTTPException(404, "there is no such image")
+            raise NotFoundError("there is no such image")
         return self.folder / digest
 
     def name(self, digest: str) -> str:
@@ -113,14 +111,21 @@ class Uploads:
     async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
         """Take the bytes of a file; it is not known yet, see `keep`.
 
+        Args:
+            name: file name that the sender gave.
+            chunks: the bytes; whatever error it raises ends the upload.
+
         Returns:
             A file to look at, and then to keep or to delete.
 
         Raises:
-            HTTPException: 413 too large, 507 no room, 503 too many at a time, 408 it stalls.
+            TooLargeError: the image is over the limit.
+            StoreFullError: there is no room for it.
+            BusyError: too many images arrive at a time.
+            StalledError: no byte arrived for some time.
         """
         if self._receiving.locked():
-            raise HTTPException(503, "too many images at a time: try again", {"Retry-After": "1"})
+            raise BusyError("too many images at a time: try again")
         async with self._receiving:
             handle, incoming = tempfile.mkstemp(dir=self.folder, prefix=".incoming-")
             path, size = Path(incoming), 0
@@ -137,10 +142,7 @@ class Uploads:
                         out.write(chunk)
             except TimeoutError:
                 path.unlink()
-                raise HTTPException(408, "the image did not arrive in time") from None
-            except ClientDisconnect:
-                path.unlink()
-                raise HTTPException(400, "the image did not arrive as a whole") from None
+                raise StalledError("the image did not arrive in time") from None
             except BaseException:
                 path.unlink(missing_ok=True)
                 raise
@@ -163,12 +165,11 @@ class Uploads:
     def _check(self, name: str, size: int) -> None:
         if size > self._limits.upload_bytes:
             most = self._limits.upload_bytes / MEGABYTE
-            raise HTTPException(
-                413, f"{shown_name(name)} is larger than the limit of {most:g} megabytes"
+            raise TooLargeError(
+                f"{shown_name(name)} is larger than the limit of {most:g} megabytes"
             )
         if self._stored + size > self._limits.stored_bytes:
-            raise HTTPException(
-                507,
+            raise StoreFullError(
                 "there is no room for further images: delete some in the app's folder, or open "
                 "images from a folder that the app was started with",
             )

@@ -14,8 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-from fastapi import HTTPException
-
+from nearfar.app.errors import BusyError, ConflictError
 from nearfar.app.kept import KeptAnswer
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
@@ -54,7 +53,8 @@ class Formats:
         """All formats; whether one can be written is found by writing it, with blank images.
 
         Raises:
-            HTTPException: 503, another export is under way; 409, nothing can be exported.
+            BusyError: another export is under way.
+            ConflictError: nothing can be exported.
             ImageError: an image cannot be read.
         """
         with TemporaryDirectory() as folder:
@@ -64,7 +64,8 @@ class Formats:
         """The file of one format, or a ZIP archive of several files.
 
         Raises:
-            HTTPException: 503, another export is under way; 409, a format cannot be written.
+            BusyError: another export is under way.
+            ConflictError: a format cannot be written.
             ImageError: an image cannot be read.
         """
         with TemporaryDirectory() as folder:
@@ -72,7 +73,7 @@ class Formats:
             outcomes = self._written(answer, "read", tuple(dict.fromkeys(formats)), root)
             for outcome in outcomes:
                 if outcome.reason is not None:
-                    raise HTTPException(409, outcome.reason)
+                    raise ConflictError(outcome.reason)
             files = [file for outcome in outcomes for file in outcome.files]
             if files == [outcomes[0].file]:
                 return Download(files[0], (root / files[0]).read_bytes())
@@ -106,7 +107,7 @@ class Formats:
             )
         )
         if reply.error is not None:
-            raise HTTPException(409, self._said(reply.error, answer))
+            raise ConflictError(self._said(reply.error, answer))
         return [
             each.model_copy(update={"reason": each.reason and self._said(each.reason, answer)})
             for each in reply.outcomes
@@ -130,10 +131,10 @@ class WriterProcess:
         """What becomes of a task.
 
         Raises:
-            HTTPException: 503, another one is under way.
+            BusyError: another one is under way.
         """
         if not self._lock.acquire(blocking=False):
-            raise HTTPException(503, "another export is under way: try again", {"Retry-After": "1"})
+            raise BusyError("another export is under way: try again")
         try:
             process = self._started()
             watchdog = threading.Timer(SECONDS, process.kill)

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from fastapi import HTTPException
 from pydantic import Field, ValidationError
 
+from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
 from nearfar.app.tasks import Effort, Message
 
@@ -140,10 +140,10 @@ class JobStore:
         """A job.
 
         Raises:
-            HTTPException: 404, there is none.
+            NotFoundError: there is none.
         """
         if job_id not in self._jobs:
-            raise HTTPException(404, "there is no such job")
+            raise NotFoundError("there is no such job")
         return self._jobs[job_id]
 
     def create(self, request: LocalizeRequest | LocateRequest, names: Iterable[str]) -> Job:
@@ -178,14 +178,14 @@ class JobStore:
         """The answer of a job.
 
         Raises:
-            HTTPException: 404, there is no such job, or no answer of it.
+            NotFoundError: there is no such job, or no answer of it.
         """
         try:
             text = self.result_file(self.get(job_id)).read_text(encoding="utf-8")
             content: dict[str, Any] = json.loads(text)
             return content
         except (OSError, ValueError):
-            raise HTTPException(404, "this job has no answer") from None
+            raise NotFoundError("this job has no answer") from None
 
     def delete(self, job_id: str) -> None:
         """Forget a job and its answer."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from fastapi import HTTPException
 from PIL import Image as PillowImage
 
+from nearfar.app.errors import NotFoundError
 from nearfar.app.files import Uploads
 from nearfar.imaging.image import FORMATS
 from nearfar.maps.manifest import FILE as MAP_FILE
@@ -94,7 +94,7 @@ class Library:
         """The file of a reference.
 
         Raises:
-            HTTPException: 404, there is none, or it lies outside the served folders.
+            NotFoundError: there is none, or it lies outside the served folders.
         """
         path = self._path(ref)
         if not os.path.isfile(path):  # noqa: PTH113 - takes any path, however long
@@ -105,7 +105,7 @@ class Library:
         """The folder of a reference.
 
         Raises:
-            HTTPException: 404, there is none, or it lies outside the served folders.
+            NotFoundError: there is none, or it lies outside the served folders.
         """
         path = self._path(ref)
         if not os.path.isdir(path):  # noqa: PTH112
@@ -140,7 +140,7 @@ class Library:
         """What is in a folder; for an empty reference the served folders.
 
         Raises:
-            HTTPException: 404, there is no such folder.
+            NotFoundError: there is no such folder.
         """
         if not ref:
             roots = [
@@ -240,7 +240,7 @@ def _root_name(folder: Path) -> str:
     return folder.name or str(folder)
 
 
-def _missing(ref: str) -> HTTPException:
-    return HTTPException(
-        404, f"there is no {ref.rpartition('/')[2][:100]!r} in the folders that the app serves"
+def _missing(ref: str) -> NotFoundError:
+    return NotFoundError(
+        f"there is no {ref.rpartition('/')[2][:100]!r} in the folders that the app serves"
     )

@@ -7,9 +7,8 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from fastapi import HTTPException
-
 from nearfar.app.configuration import Limits
+from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
 from nearfar.app.jobs import Job, JobStore, StepProgress
 from nearfar.app.results import crash_explanation
 from nearfar.app.tasks import REPORT, Ended, Entered, LocalizeTask, LocateTask, Tried
@@ -44,21 +43,20 @@ class Runner:
         """Whether another job may wait.
 
         Raises:
-            HTTPException: 429, the queue is full.
+            QueueFullError: the queue is full.
         """
         if len(self._waiting) >= self._limits.waiting_jobs:
-            raise HTTPException(
-                429, "too many jobs are waiting: try again when some are done", {"Retry-After": "5"}
-            )
+            raise QueueFullError("too many jobs are waiting: try again when some are done")
 
     def submit(self, job: Job) -> Job:
         """Let a job wait for its turn.
 
         Raises:
-            HTTPException: 409, it waits or runs already; 429, the queue is full.
+            ConflictError: it waits or runs already.
+            QueueFullError: too many jobs are waiting.
         """
         if job.id in self._waiting or job.id == self._running:
-            raise HTTPException(409, "this job is already under way")
+            raise ConflictError("this job is already under way")
         self.check_room()
         waiting = Job(id=job.id, request=job.request, names=job.names, created=job.created)
         self._store.save(waiting)
@@ -94,11 +92,11 @@ class Runner:
         """Do a job; a disk that takes no more fails it alone."""
         try:
             await self._do(self._store.get(job_id))
-        except HTTPException:  # It was deleted meanwhile.
+        except NotFoundError:  # It was deleted meanwhile.
             return
         except OSError as error:
             text = f"the job could not be kept: {error.strerror or error}"
-            with contextlib.suppress(HTTPException):
+            with contextlib.suppress(NotFoundError):
                 failed = self._store.get(job_id).with_(status="failed", ended=time.time())
                 self._store.note(failed.with_(stage=None, error=text))
 
@@ -109,9 +107,9 @@ class Runner:
             task = self._task_of(job)
             async with asyncio.timeout(self._limits.job_seconds):
                 ended = await self._work(job, task)
-        except HTTPException as error:
+        except AppError as error:
             await self._end_process()  # Reports of a job that was deleted may be left in its pipe.
-            ended = Ended(error=error.detail)
+            ended = Ended(error=str(error))
         except TimeoutError:
             await self._end_process()
             ended = Ended(error=f"given up after {self._limits.job_seconds:.0f} seconds")
@@ -119,7 +117,7 @@ class Runner:
             await self._end_process()
             ended = Ended(error=f"the process that does the work could not be used: {error}")
         # It may have been cancelled or deleted meanwhile.
-        with contextlib.suppress(HTTPException):
+        with contextlib.suppress(NotFoundError):
             job = self._store.get(job.id)
             if job.status == "running":
                 status = "done" if ended.error is None else "failed"

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fastapi import HTTPException
-
 from nearfar.app.configuration import MEGABYTE
+from nearfar.app.errors import ConflictError, NotFoundError, TooLargeError
 from nearfar.app.formats import image_names
 from nearfar.app.kept import Kept, KeptAnswer
 from nearfar.app.library import Library
@@ -94,7 +93,8 @@ def read_run(folder: Path, library: Library) -> Run:
 
     Raises:
         BenchmarkError: there are none.
-        HTTPException: 413, they are too large; 409, they are links.
+        TooLargeError: the result files are too large.
+        ConflictError: a result file is a link.
     """
     results, skipped = _results(folder)
     record = load_record(folder)
@@ -115,30 +115,31 @@ def kept_row(folder: Path, library: Library, index: int, case: str, method: str)
 
     Raises:
         BenchmarkError: there are no results.
-        HTTPException: 404, there is no such row any more; 409, its images are elsewhere; 422, it is
-            damaged; see also `read_run`.
+        NotFoundError: there is no such row any more.
+        ConflictError: the images of the row are not in a served folder.
+        ExportError: the row is damaged.
     """
     for _, result in _results(folder)[0][index : index + 1]:
         if (result.case, result.method) != (case, method):
             break
         far, near = (_reference(file, folder, library) for file in (result.far, result.near))
         if far is None or near is None:
-            raise HTTPException(
-                409, "the images are elsewhere: start nearfar app with their folder as well"
+            raise ConflictError(
+                "the images are elsewhere: start nearfar app with their folder as well"
             )
         names = image_names(library, far, near)
         files = library.file(far), library.file(near)
         return KeptAnswer(Kept.of(result.row), None, *files, names)
-    raise HTTPException(404, "there is no such row any more: open the results again")
+    raise NotFoundError("there is no such row any more: open the results again")
 
 
 def _results(folder: Path) -> tuple[list[tuple[str, Result]], int]:
     """Results with the names of their benchmarks, wrong ones first; how many lines are damaged."""
     for file in (*folder.glob("*.jsonl"), *folder.glob("run.json")):
         if file.is_symlink():
-            raise HTTPException(409, f"{file.name} is a link, which the app does not follow")
+            raise ConflictError(f"{file.name} is a link, which the app does not follow")
     if sum(file.stat().st_size for file in folder.glob("*.jsonl")) > LARGEST:
-        raise HTTPException(413, f"the results are larger than {LARGEST // MEGABYTE} megabytes")
+        raise TooLargeError(f"the results are larger than {LARGEST // MEGABYTE} megabytes")
     benchmarks = load_benchmarks([folder])
     results = [(benchmark.name, result) for benchmark in benchmarks for result in benchmark.results]
     results.sort(key=lambda each: (each[1].strict, each[1].case, each[1].method))

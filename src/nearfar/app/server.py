@@ -15,12 +15,34 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from nearfar.app.configuration import Configuration
+from nearfar.app.errors import (
+    BusyError,
+    ConflictError,
+    IncompleteError,
+    NotFoundError,
+    QueueFullError,
+    StalledError,
+    StoreFullError,
+    TooLargeError,
+    TryLaterError,
+)
 from nearfar.app.guard import Guard
 from nearfar.app.routes import annotations, exports, images, jobs, runs
 from nearfar.app.services import Services
 from nearfar.errors import NearfarError, SettingsError
 
 STATIC = Path(__file__).parent / "static"
+STATUSES: dict[type[Exception], int] = {
+    IncompleteError: 400,
+    NotFoundError: 404,
+    StalledError: 408,
+    ConflictError: 409,
+    TooLargeError: 413,
+    QueueFullError: 429,
+    BusyError: 503,
+    StoreFullError: 507,
+}
+"""HTTP status of each kind of `AppError`; every other `NearfarError` is bad input, 422."""
 _REVALIDATED = {"Cache-Control": "no-cache"}
 
 
@@ -115,9 +137,13 @@ async def _page() -> FileResponse:
 
 
 async def _refused(request: Request, error: Exception) -> Response:
-    """Bad input, in one sentence without the paths of this machine."""
+    """Answer an error of nearfar in one sentence without the paths of this machine."""
     held: Services = request.app.state.services
-    return JSONResponse({"detail": held.library.without_places(str(error))}, 422)
+    headers = {}
+    if isinstance(error, TryLaterError):
+        headers["Retry-After"] = str(error.retry_after)
+    detail = held.library.without_places(str(error))
+    return JSONResponse({"detail": detail}, STATUSES.get(type(error), 422), headers)
 
 
 async def _not_stored(request: Request, error: Exception) -> Response:  # noqa: ARG001

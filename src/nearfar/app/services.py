@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from fastapi import Request
-
 from nearfar.app.annotations import AnnotationStore
 from nearfar.app.configuration import Configuration
 from nearfar.app.files import Uploads
@@ -65,7 +63,7 @@ class _Tasks:
         """What the worker is told of a job.
 
         Raises:
-            HTTPException: 404, a file is not there any more.
+            NotFoundError: a file is not there any more.
         """
         request, result = job.request, self.jobs.result_file(job)
         if isinstance(request, LocalizeRequest):
@@ -87,9 +85,3 @@ class _Tasks:
             max_pixels=self.max_pixels,
             result=result,
         )
-
-
-def services(request: Request) -> Services:
-    """The services of the app that a request was sent to."""
-    found: Services = request.app.state.services
-    return found

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from fastapi import APIRouter, HTTPException, Response
+from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
@@ -19,6 +19,7 @@ from nearfar.app.annotations import (
     agreement,
     targets,
 )
+from nearfar.app.errors import ConflictError
 from nearfar.app.export import (
     Images,
     add_to_benchmark,
@@ -145,8 +146,8 @@ def add(held: Held, annotation_id: str, destination: Destination) -> Written:
     try:
         written = add_to_benchmark(annotation, images, folder, replace=destination.replace)
     except OSError as error:
-        raise HTTPException(
-            409, f"{folder.name} cannot be written to: {error.strerror or error}"
+        raise ConflictError(
+            f"{folder.name} cannot be written to: {error.strerror or error}"
         ) from None
     return Written(held.library.reference(written), f"{folder.name}/{annotation.name}/pair.json")
 

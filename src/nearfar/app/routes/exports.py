@@ -3,8 +3,9 @@
 import mimetypes
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, HTTPException, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 
+from nearfar.app.errors import ConflictError
 from nearfar.app.formats import image_names
 from nearfar.app.jobs import LocalizeRequest
 from nearfar.app.kept import Kept, KeptAnswer
@@ -21,7 +22,7 @@ def _of_job(held: Held, job_id: str) -> KeptAnswer:
     job = held.jobs.get(job_id)
     request, library = job.request, held.library
     if not isinstance(request, LocalizeRequest):
-        raise HTTPException(409, "only answers for pairs can be exported")
+        raise ConflictError("only answers for pairs can be exported")
     kept = Kept.of(held.jobs.result(job_id).get("localization"))
     matches = held.jobs.matches_file(job)
     names = image_names(library, request.far, request.near)

@@ -1,17 +1,20 @@
 """Folders that are served, images in them and images that are sent."""
 
 import asyncio
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from fastapi import APIRouter, HTTPException, Query, Request, Response
+from starlette.requests import ClientDisconnect
 
+from nearfar.app.errors import IncompleteError
 from nearfar.app.files import shown_name
 from nearfar.app.library import Folder, FolderKind, Listing
 from nearfar.app.renditions import LARGEST_FRAME, LONGEST, THUMBNAIL
 from nearfar.app.routes import Held
-from nearfar.errors import NearfarError
+from nearfar.errors import ImageError, NearfarError
 
 router = APIRouter(prefix="/api")
 
@@ -48,17 +51,30 @@ async def send_image(
     request: Request, held: Held, name: Annotated[str, Query(max_length=500)]
 ) -> ImageInfo:
     """Take the bytes of an image file; it is kept if it is one."""
-    incoming = await held.uploads.receive(name, aiter(request.stream()))
+    incoming = await held.uploads.receive(name, _chunks(request))
     try:
         width, height = await asyncio.to_thread(held.renditions.size, incoming)
     except NearfarError as error:
         incoming.unlink()
-        raise HTTPException(422, str(error).replace(str(incoming), shown_name(name))) from None
+        raise ImageError(str(error).replace(str(incoming), shown_name(name))) from None
     except BaseException:
         incoming.unlink()
         raise
     upload = held.uploads.keep(name, incoming)
     return ImageInfo(f"upload/{upload.digest}", upload.name, width, height)
+
+
+async def _chunks(request: Request) -> AsyncIterator[bytes]:
+    """Yield the body of a request.
+
+    Raises:
+        IncompleteError: the sender has gone.
+    """
+    try:
+        async for chunk in request.stream():
+            yield chunk
+    except ClientDisconnect:
+        raise IncompleteError("the image did not arrive as a whole") from None
 
 
 @router.get("/images/info")
