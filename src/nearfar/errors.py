@@ -1,11 +1,29 @@
-"""Typed exceptions; each message is one sentence that says what to do next.
+"""Exceptions that nearfar raises on purpose.
 
-A pair that cannot be localized is not an error: it is a `Localization` whose status is "failed".
+Each message is one sentence: what is wrong with which input, then what to do.
+
+    Exception
+    └── NearfarError
+        ├── ImageError
+        ├── IntrinsicsError
+        ├── SettingsError
+        ├── WeightsError
+        ├── MapError
+        ├── ExportError
+        ├── StorageError
+        ├── ClusterError
+        ├── MissingExtraError
+        ├── ExternalMethodError
+        ├── BenchmarkError
+        └── TrainingError
+
+The command line prints the message of a `NearfarError` and ends with exit status 2. A pair that
+cannot be localized is not an error: it is a `Localization` with the status "failed".
 """
 
 
 class NearfarError(Exception):
-    """Base of every error that nearfar raises on purpose; the command line exits with status 2."""
+    """Base class of every error that nearfar raises on purpose."""
 
 
 class ImageError(NearfarError):
@@ -17,40 +35,40 @@ class IntrinsicsError(NearfarError):
 
 
 class SettingsError(NearfarError):
-    """A setting has an unknown name or a value out of range."""
+    """A setting, or an option of a command, has an unknown name or a value out of range."""
 
 
 class WeightsError(NearfarError):
     """Network weights are missing, unreadable or do not fit the network."""
 
 
-class BenchmarkError(NearfarError):
-    """A benchmark's data are missing or malformed."""
-
-
-class TrainingError(NearfarError):
-    """There is too little to train on, or a folder holds another training."""
-
-
 class MapError(NearfarError):
-    """A map is missing, of another kind, in use, or an image of it is unknown."""
+    """A map is missing, in use or of another format, or it does not hold an image."""
+
+
+class ExportError(NearfarError):
+    """A format cannot hold a localization, e.g. a list of poses cannot hold a homography."""
+
+
+class StorageError(NearfarError):
+    """Object storage does not answer, refuses a request or lacks a feature that is needed."""
 
 
 class ClusterError(NearfarError):
     """A Dask cluster cannot be reached, has no workers, or has workers of other versions."""
 
 
-class ExternalMethodError(NearfarError):
-    """A matcher that was named by `python:module.function` raised an exception."""
-
-
 class MissingExtraError(NearfarError):
     """A package of an optional extra is not installed."""
 
 
-class StorageError(NearfarError):
-    """Object storage does not answer, refuses, or cannot do what is needed."""
+class ExternalMethodError(NearfarError):
+    """A matcher that was named by `python:module.function` raised an exception."""
 
 
-class ExportError(NearfarError):
-    """A format has no place for a localization, e.g. a list of poses for a homography."""
+class BenchmarkError(NearfarError):
+    """The data of a benchmark are missing or malformed."""
+
+
+class TrainingError(NearfarError):
+    """There are too few photographs to train on, or a folder holds another training."""

@@ -15,15 +15,9 @@ from urllib.request import urlopen
 import pytest
 
 from nearfar.cli import main
-from nearfar.descriptors import DESCRIPTORS
-from nearfar.estimators import ESTIMATORS
-from nearfar.exports import EXPORTERS
-from nearfar.methods import METHODS
-from nearfar.proposals import PROPOSERS
-from nearfar.registry import Registry
+from nearfar.cli.about_command import REGISTRIES
 from tests.docs.blocks import REPOSITORY, Block, Command
 
-REGISTRIES: tuple[Registry[Any], ...] = (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS)
 NAMED = re.compile(r"(\w+\.py): ")
 """Begins the docstring of a block that is a file."""
 INTERRUPTED = 130

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import PackageMetadata, PackageNotFoundError
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -17,6 +18,7 @@ from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
 from nearfar.methods import METHODS
 from nearfar.proposals import PROPOSERS
+from nearfar.registry import Registry
 
 NOT_STATED = "not stated"
 _CORE = "always"
@@ -62,11 +64,14 @@ MODELS = (
 )
 """Networks of descriptors, and what their weights may be used for."""
 
+REGISTRIES: tuple[Registry[Any], ...] = (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS)
+"""The registries of all kinds of plug-ins."""
+
 
 def about_command() -> None:
-    """Print the version, the licence of every component and model, and which extras are installed.
+    """Print the version, the licences of all components and models, and the extras installed.
 
-    Licences are as the installed packages state them.
+    Licences are read from the metadata of the installed packages.
     """
     console = Console(emoji=False, highlight=False)
     console.print(
@@ -139,9 +144,12 @@ def _table_of_models() -> Table:
 
 
 def list_command() -> None:
-    """Name all methods, proposers, descriptors, estimators and export formats."""
+    """Name the plug-ins of all kinds: methods, proposers, descriptors, estimators, export formats.
+
+    Plug-ins of other installed packages are listed as well.
+    """
     console = Console(emoji=False, highlight=False)
-    for registry in (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS):
+    for registry in REGISTRIES:
         console.print(f"[bold]{registry.kind}s[/bold]")
         for name in registry.names():
             console.print(f"  {name}", markup=False)
