@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from nearfar import open_map
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.runner import run
 from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.cli.bench.options import sampled

@@ -18,7 +18,7 @@ import numpy as np
 
 from nearfar import Localizer
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.geometry.homography import scaling, transform
 from nearfar.imaging.image import read_image

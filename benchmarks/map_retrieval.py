@@ -21,10 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from nearfar import open_map
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case, scene
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.evaluate import true_diagonal
-from nearfar.bench.runner import scene
 from nearfar.geometry.homography import transform
 from nearfar.imaging.image import read_image
 from nearfar.maps import DEFAULTS

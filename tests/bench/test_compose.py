@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.bench.datasets.backgrounds import Backgrounds
 from nearfar.bench.datasets.composites import (
     SCENE_SIZE,
+    Backgrounds,
     View,
     compose,
     random_generator,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nearfar
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.evaluate import evaluate, failure_columns, true_diagonal
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import PAPER_FAILURE_STE

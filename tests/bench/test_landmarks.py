@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -135,12 +136,39 @@ def test_a_run_resumes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [without_seconds(row) for row in second] == [without_seconds(row) for row in first]
     assert file.read_bytes().startswith(whole.splitlines(keepends=True)[0])
     with monkeypatch.context() as patched:
-        patched.delattr(landmarks, "_searched")
+        patched.delattr(landmarks, "true_homography")
         assert run_landmarks(cases[:2], [COLOURS], file, regions=some) == second
     more = run_landmarks(cases[:2], [COLOURS], file, regions={"boxes": 3})
     assert [row["asked"] for row in read_rows(file)] == [2, 2, 3, 3]
     # The regions of a smaller number come first in a larger one.
     assert more[1]["first_right"][:2] == first[1]["first_right"]
+
+
+def test_changed_images_are_searched_again(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case, file = find_pairs(folder)[1], tmp_path / "out" / "landmarks.jsonl"
+    near = tmp_path / "near.png"
+    near.write_bytes(b"no image")
+    case = replace(case, near=near)
+    regions: dict[Search, int] = {"boxes": 2}
+    run_landmarks([case], [COLOURS], file, regions=regions)
+    near.write_bytes((folder / "turned" / "near.png").read_bytes())
+    (row,) = run_landmarks([case], [COLOURS], file, regions=regions)
+    assert (row["status"], row["data"]) == ("searched", case.content_hash())
+    old = [{key: value for key, value in row.items() if key != "data"}]  # as 0.1.0 wrote it
+    file.write_text(json.dumps(old[0]) + "\n")
+    assert run_landmarks([case], [COLOURS], file, regions=regions) == old
+    file.write_text(json.dumps(row) + "\n")
+    near.write_bytes((folder / "unrelated" / "near.png").read_bytes())
+    capsys.readouterr()
+    (changed,) = run_landmarks([case], [COLOURS], file, regions=regions)
+    assert changed["data"] != row["data"]
+    assert "0 with errors before and 1 with changed images" in capsys.readouterr().err
+    assert run_landmarks([case], [COLOURS], file, regions=regions) == [changed]
+    assert "reused 1 rows" in capsys.readouterr().err
+    runs = json.loads((file.parent / "run.json").read_text())["runs"]
+    assert [(each["done"], each["failed"]) for each in runs] == [(1, 1), (1, 0), (1, 0)]
 
 
 def without_seconds(row: Row) -> Row:

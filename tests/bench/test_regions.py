@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.regions import (
     ANGLES,
     corners,

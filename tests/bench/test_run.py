@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
+from nearfar.bench import runner
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.runner import run
-from nearfar.bench.studies import curves as case_row
 from nearfar.bench.tables import success_table, time_table
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import transform
@@ -101,7 +101,7 @@ def test_whatever_goes_wrong_with_a_case_is_recorded(
     def broken(*_: object) -> None:
         raise MemoryError("too large")
 
-    monkeypatch.setattr(case_row, "evaluate", broken)
+    monkeypatch.setattr(runner, "evaluate", broken)
     rows = run(find_pairs(folder)[:1], [SIFT], tmp_path / "rows.jsonl")
     assert rows[0]["status"] == "error"
     assert rows[0]["reason"] == "MemoryError: too large"

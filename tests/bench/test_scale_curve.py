@@ -9,7 +9,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench.datasets.backgrounds import Backgrounds
+from nearfar.bench.datasets.composites import Backgrounds
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.studies.scale_curve import PlannedCase, base_pairs, make_images, plan_cases
 from nearfar.cli import main

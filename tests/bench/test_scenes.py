@@ -2,7 +2,7 @@
 
 import pytest
 
-from nearfar.bench.runner import scene
+from nearfar.bench.datasets.cases import scene
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from PIL import Image as PillowImage
 from scipy.ndimage import gaussian_filter
 
 from nearfar import Localizer
-from nearfar.bench.datasets.composites import Case, Stereo
-from nearfar.bench.datasets.stereo import metric_scale, stereo_depth, triangulated_depth
+from nearfar.bench.datasets.cases import Case, Stereo
+from nearfar.bench.evaluate import metric_scale, stereo_depth, triangulated_depth
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from tests.scenes import two_views

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.runner import run
 from nearfar.bench.studies.kitti import find_kitti_cases
@@ -164,6 +164,27 @@ def test_a_sweep_resumes(case: Case, settings: Settings, tmp_path: Path) -> None
     assert run_sweep([case], grid, settings, file, disk_bytes=0) == results
     assert without_seconds(read_rows(file)) == without_seconds([json.loads(line) for line in lines])
     assert sorted(path.suffix for path in file.parent.iterdir()) == [".json", ".jsonl"]
+
+
+def test_rows_with_errors_are_retried_and_counted(
+    case: Case, settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grid = Grid("squeezenet", ("fire4", "fire9"), (32,))
+    file, image = tmp_path / "out" / "sweep_pairs.jsonl", case.near.read_bytes()
+    case.near.write_bytes(b"no image")
+    run_sweep([case], grid, settings, file, disk_bytes=0)
+    assert [row["status"] for row in read_rows(file)] == ["error", "error"]
+    case.near.write_bytes(image)
+    run_sweep([case], grid, settings, file, disk_bytes=0)
+    assert "reused 0 rows" in capsys.readouterr().err
+    rows = read_rows(file)
+    assert [row["status"] == "error" for row in rows] == [True, True, False, False]
+    assert {row["data"] for row in rows[2:]} == {case.content_hash()}
+    runs = json.loads((file.parent / "run.json").read_text())["runs"]
+    assert [(each["failed"], each["skipped"]) for each in runs] == [(1, 0), (0, 0)]
+    run_sweep([case], grid, settings, file, disk_bytes=0)
+    assert "reused 2 rows" in capsys.readouterr().err
+    assert read_rows(file) == rows
 
 
 def test_a_full_disk_ends_a_sweep_without_a_row(

@@ -1,13 +1,16 @@
-"""Running methods over cases, in parallel, so that nothing already computed is lost."""
+"""The one runner of all benchmarks: compute the rows that a result file lacks, in parallel."""
 
+import errno
 import functools
-import re
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
-from nearfar.bench.datasets.composites import Case
-from nearfar.bench.studies.curves import died_row, localized_row
+from nearfar.bench.datasets.cases import Case
+from nearfar.bench.evaluate import evaluate, failure_columns
+from nearfar.errors import NearfarError
 from nearfar.localizer import Localizer
 from nearfar.runtime import logs
 from nearfar.runtime.metrics import Meter
@@ -25,25 +28,171 @@ from nearfar.storage.rows import (
     settings_key,
 )
 
+_KEPT = (
+    "status",
+    "reason",
+    "far_from_near",
+    "inliers",
+    "matches",
+    "landmark_matches",
+    "scale_change",
+    "log10_false_alarms",
+    "confidence",
+    "step",
+    "seconds",
+)
+"""Columns of a localization that its row keeps."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Task:
-    """One case and one method.
+    """One row to compute.
 
     Attributes:
         case: the case.
         settings: the method and its settings.
-        key: hash of the settings.
-        data: hash of the case's images and ground truth, from `Case.content_hash`.
-        descriptor: name of the landmark descriptor; None for a method without landmarks.
-        features: folder of the feature store; None keeps features in memory alone.
+        start: columns known beforehand: case, settings, and `data`, the hash of images and truth.
+        failure: columns of a row without a result.
     """
 
     case: Case
     settings: Settings
-    key: str
-    data: str
-    descriptor: str | None
+    start: Row
+    failure: Row
+
+
+T = TypeVar("T", bound=Task)
+
+
+def resume(
+    file: Location,
+    wanted: Sequence[T],
+    compute: Callable[[T], Row],
+    *,
+    settings: Sequence[Settings],
+    identity: tuple[str, ...] = ("case", "settings"),
+    workers: Workers | None = None,
+    case_at_once: bool = False,
+) -> list[Row]:
+    """Compute the rows that a result file lacks, and append each as soon as it is there.
+
+    A row is reused where its settings, its images, its ground truth and the source of plug-ins
+    from outside have not changed. Rows of nearfar 0.1.0 do not name their images: these count as
+    unchanged. Rows with errors are retried. The error output tells how many rows are reused and
+    retried. Of several rows with the same identity the last counts.
+
+    A task that raises an error, or kills its worker, gets a row with the reason, and the run goes
+    on. Results are the same for any number of workers, times aside.
+
+    Args:
+        file: JSON Lines, one row a line; made where missing. `run.json` beside it holds the
+            settings, the environment, and the metrics of each run.
+        wanted: a task for each row.
+        compute: returns the remaining columns of a row, `status` among them; a module's function.
+        settings: all settings of the run, for `run.json`.
+        identity: the columns that identify a row.
+        workers: where the work is done; None: this process.
+        case_at_once: hand the tasks of one case that follow each other to one worker.
+
+    Returns:
+        The row of each task, in their order.
+
+    Raises:
+        OSError: a result cannot be written; those before it are kept.
+        StorageError: the object storage of the file does not answer.
+    """
+    meter = Meter()
+    rows = {_identity(row, identity): row for row in read_rows(file)}
+    tasks = {_identity(task.start, identity): task for task in wanted}
+    todo = [task for each, task in tasks.items() if not _is_done(rows.get(each), task)]
+    meter.skipped = len(wanted) - len(todo)
+    earlier = [
+        rows[each] for each in (_identity(task.start, identity) for task in todo) if each in rows
+    ]
+    if meter.skipped or earlier:
+        errors = sum(map(_is_error, earlier))
+        logs.say(
+            f"reused {meter.skipped} rows of {file}; to run: {len(todo)}, among them {errors} with "
+            f"errors before and {len(earlier) - errors} with changed images"
+        )
+    logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
+    groups = itertools.groupby(todo, lambda task: task.case.name if case_at_once else task)
+    batches = [tuple(own) for _, own in groups]
+    with row_file(file) as out, shown_progress("pairs") as show:
+        record_run(file.parent, settings)
+        work = functools.partial(_rows, compute)
+        for found in (workers or Workers()).run(work, batches, _died, meter):
+            for row in found:
+                each = _identity(row, identity)
+                if not _is_error(row) or _is_new_error(row, rows.get(each)):
+                    out.append(row)
+                    rows[each] = row
+            meter.failed += any(map(_is_error, found))
+            show(meter.done, len(batches))
+    if todo:
+        record_metrics(file.parent, file.name, meter.metrics())
+    logs.event("run finished", results=str(file), **meter.metrics().to_dict())
+    return [rows[_identity(task.start, identity)] for task in wanted]
+
+
+def _identity(row: Row, columns: tuple[str, ...]) -> tuple[Hashable, ...]:
+    return tuple(row[column] for column in columns)
+
+
+def _is_error(row: Row | None) -> bool:
+    return row is not None and row["status"] == "error"
+
+
+def _is_done(row: Row | None, task: Task) -> bool:
+    """Whether a row is no error and is of the task's images and ground truth."""
+    if row is None or _is_error(row):
+        return False
+    data: str = task.start["data"]
+    return bool(row.get("data", data) == data)
+
+
+def _is_new_error(row: Row, before: Row | None) -> bool:
+    """Whether the row before was no error, or of other images."""
+    return before is None or not _is_error(before) or before.get("data") != row["data"]
+
+
+def _rows(compute: Callable[[T], Row], tasks: Sequence[T]) -> list[Row]:
+    """Return the rows of tasks; whatever goes wrong with one is recorded in its row.
+
+    Raises:
+        OSError: the disk is full, which is no task's fault.
+    """
+    return [task.start | _columns(compute, task) for task in tasks]
+
+
+def _columns(compute: Callable[[T], Row], task: T) -> Row:
+    try:
+        return compute(task)
+    except NearfarError as error:
+        return _failure(task, str(error))
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        return _failure(task, f"{type(error).__name__}: {error}")
+
+
+def _failure(task: Task, reason: str) -> Row:
+    return task.failure | {"status": "error", "reason": reason}
+
+
+def _died(tasks: Sequence[Task]) -> list[Row]:
+    """Return the rows of tasks that killed their worker."""
+    return [task.start | _failure(task, "the process that computed it died") for task in tasks]
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizeTask(Task):
+    """A case to localize.
+
+    Attributes:
+        features: folder of the feature store; None keeps features in memory alone.
+    """
+
     features: Path | None
 
 
@@ -55,96 +204,73 @@ def run(
     workers: Workers | None = None,
     features: Path | None = None,
 ) -> list[Row]:
-    """Localize every case with every setting, skipping what the result file holds already.
-
-    A row counts as done where its settings, its images, its ground truth and the source of plug-ins
-    from outside have not changed. Rows of nearfar 0.1.0 do not name their images, which are taken
-    as unchanged. The error output tells how many rows are reused. Errors are tried again; of
-    several rows of a case and setting the last counts.
-
-    A case that raises an error, or kills its worker, is recorded with the reason, and the run goes
-    on. Results are the same for any number of workers, times aside.
+    """Localize every case with every setting, and compare with the truth; see `resume`.
 
     Args:
         cases: the cases.
         settings: one for each method to compare.
-        file: JSON Lines, one line a case and setting; made where missing. `run.json` beside it
-            tells the settings, the environment, and what each run took.
+        file: JSON Lines, one line a case and setting.
         workers: where the work is done; None: this process.
         features: folder in which features of images are kept between processes and runs.
 
     Returns:
-        All rows of these cases and settings.
+        The rows of these cases and settings.
 
     Raises:
         OSError: a result cannot be written; those before it are kept.
-        StorageError: the same in object storage.
+        StorageError: the object storage of the file does not answer.
     """
-    meter = Meter()
     _localizer.cache_clear()  # An earlier run's may hold a plug-in that has changed since.
-    rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
-    wanted: list[Task] = []
+    wanted = []
     hashes = [case.content_hash() for case in cases]
     for each in settings:
         key, descriptor = settings_key(each), Localizer(each).descriptor
-        wanted += [
-            Task(case, each, key, data, descriptor, features)
-            for case, data in zip(cases, hashes, strict=True)
-        ]
-    tasks = {(task.case.name, task.key): task for task in wanted}
-    todo = [task for each, task in tasks.items() if not _is_done(rows.get(each), task.data)]
-    meter.skipped = len(wanted) - len(todo)
-    if meter.skipped:
-        logs.say(f"reused {meter.skipped} rows of {file}; to run: {len(todo)}")
-    logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
-    with row_file(file) as out, shown_progress("pairs") as show:
-        record_run(file.parent, settings)
-        for row in (workers or Workers()).run(localize_case, todo, _died, meter):
-            identity = row["case"], row["settings"]
-            row["data"] = tasks[identity].data
-            if row["status"] != "error" or _differs(rows.get(identity), row):
-                out.append(row)
-                rows[identity] = row
-            meter.failed += row["status"] == "error"
-            show(meter.done, len(todo))
-    metrics = meter.metrics()
-    if todo:
-        record_metrics(file.parent, file.name, metrics)
-    logs.event("run finished", results=str(file), **metrics.to_dict())
-    return [rows[task.case.name, task.key] for task in wanted]
+        for case, data in zip(cases, hashes, strict=True):
+            start = localize_start(case, each, key, descriptor, data)
+            wanted.append(LocalizeTask(case, each, start, failure_columns(case), features))
+    return resume(file, wanted, localize_case, settings=settings, workers=workers)
 
 
-def _is_done(row: Row | None, data: str) -> bool:
-    """Whether a row is no error and of these images and this ground truth."""
-    return row is not None and row["status"] != "error" and row.get("data", data) == data
+def localize_start(
+    case: Case, settings: Settings, key: str, descriptor: str | None, data: str
+) -> Row:
+    """Return the columns of a localized case that are known beforehand.
+
+    Args:
+        case: the case.
+        settings: the method and its settings.
+        key: hash of the settings, from `settings_key`.
+        descriptor: name of the landmark descriptor; None for a method without landmarks.
+        data: hash of images and ground truth, from `Case.content_hash`.
+    """
+    return {
+        "case": case.name,
+        "group": case.group,
+        "tags": dict(case.tags),
+        "far": str(case.far),
+        "near": str(case.near),
+        "model": case.model,
+        "true_scale_change": case.scale_change,
+        "method": settings.method,
+        "descriptor": descriptor,
+        "settings": key,
+        "data": data,
+    }
 
 
-def _differs(before: Row | None, row: Row) -> bool:
-    """Whether an error is another than before, or of other images."""
-    return before is None or before["status"] != "error" or before.get("data") != row["data"]
-
-
-def localize_case(task: Task) -> Row:
+def localize_case(task: LocalizeTask) -> Row:
     """Localize one case and compare with its truth."""
-    return localized_row(task.case, _localizer(task.settings, task.features), task.key)
+    return localized_columns(task.case, _localizer(task.settings, task.features))
 
 
-def _died(task: Task) -> Row:
-    """The row of a case that killed its worker."""
-    return died_row(task.case, task.settings, task.key, task.descriptor)
+def localized_columns(case: Case, localizer: Localizer) -> Row:
+    """Localize a case, and return the columns of the answer and of its errors."""
+    found = localizer.localize(case.far, case.near, model=case.model, intrinsics=case.intrinsics)
+    answer = found.to_dict()
+    return {name: answer[name] for name in _KEPT} | evaluate(case, found)
 
 
 @functools.lru_cache(maxsize=1)
 def _localizer(settings: Settings, features: Path | None) -> Localizer:
     """The localizer of this process."""
     return Localizer(settings, store=None if features is None else FeatureStore(features))
-
-
-def scene(name: str) -> str:
-    """What the names of pairs of one scene have in common.
-
-    That is the last part of the name without the numbers of the images: "oxford/graf_1_2",
-    "oxford/graf_1_3" and "evd/graf" all show the scene "graf", and so do "graf/1_2" and
-    "graf/1_10". A longer number after "_" names a photograph: "copr/IMG_0046" is its own scene.
-    """
-    return re.sub(r"(/1_\d+|(_\d)+)$", "", name).rpartition("/")[2]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, Matrix3, RGBPixels
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.geometry.homography import outline, transform, translation
 from nearfar.imaging.image import Image, reduced_size
 from nearfar.imaging.overlap import bounding_edges, box_area

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
-from nearfar.bench.datasets.composites import Case, Stereo
+from nearfar.bench.datasets.cases import Case, Stereo
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics

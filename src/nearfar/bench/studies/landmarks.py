@@ -5,38 +5,38 @@ pair tells. It is searched for in the far image: among the proposals there, or a
 """
 
 import functools
-import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 from nearfar.arrays import Boxes
-from nearfar.bench.datasets.composites import Case, random_generator
+from nearfar.bench.datasets.cases import Case, scene
+from nearfar.bench.datasets.composites import random_generator
 from nearfar.bench.datasets.regions import (
     LEVELS,
     proposed_at_scales,
     true_homography,
     visible_regions,
 )
-from nearfar.bench.runner import scene
+from nearfar.bench.runner import Task, resume
 from nearfar.bench.studies.landmark_search import BoxSearch, DenseSearch, Found, RegionSearch
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor, Descriptor
-from nearfar.errors import NearfarError, SettingsError
+from nearfar.errors import SettingsError
 from nearfar.imaging.image import Image, read_image
 from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
-from nearfar.storage.rows import Row, RowFile, read_rows, record_run, settings_key
+from nearfar.storage.rows import Row, settings_key
 
 Search = Literal["boxes", "dense"]
 SEARCHES: tuple[Search, ...] = ("boxes", "dense")
+IDENTITY = ("case", "settings", "search", "asked")
+"""The columns that identify a row."""
 
 FINE_K = 100
 """Selective Search's k unless the settings give another: with the paper's 500 few regions have a
@@ -45,30 +45,19 @@ PROPOSAL_SIZE = 1000
 """Longest side in pixels at which proposals are sought, unless the settings give another."""
 
 
-@dataclass(frozen=True)
-class Task:
+@dataclass(frozen=True, eq=False)
+class LandmarkTask(Task):
     """One pair, one descriptor and one kind of search.
 
     Attributes:
-        case: the pair.
-        settings: with the descriptor.
-        key: hash of the settings.
         search: kind of search.
         asked: regions to search for.
         features: folder in which proposals are kept.
     """
 
-    case: Case
-    settings: Settings
-    key: str
     search: Search
     asked: int
     features: Path
-
-    @property
-    def identity(self) -> tuple[str, str, str, int]:
-        """What no two rows have in common."""
-        return self.case.name, self.key, self.search, self.asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,27 +101,30 @@ def run_landmarks(
         WeightsError: a descriptor needs weights that are missing or do not fit.
         OSError: a result cannot be written; those before it are kept.
     """
+    _descriptor.cache_clear()
+    _searcher.cache_clear()
     finer = [finer_proposals(each) for each in settings]
     keys = [settings_key(each) for each in finer]
     dense = [has_feature_maps(each) for each in finer]
+    failure: Row = {"dimensions": None, "visible": 0, "far_boxes": 0, **_columns([]), "seconds": {}}
+    hashes = [case.content_hash() for case in cases]
     wanted = [
-        Task(case, each, key, search, asked, file.parent / "features")
+        LandmarkTask(
+            case=case,
+            settings=each,
+            start=_start_of_row(case, each.descriptor, search, asked)
+            | {"settings": key, "data": data},
+            failure=failure,
+            search=search,
+            asked=asked,
+            features=file.parent / "features",
+        )
         for search, asked in regions.items()
         for each, key, maps in zip(finer, keys, dense, strict=True)
         if search == "boxes" or maps
-        for case in cases
+        for case, data in zip(cases, hashes, strict=True)
     ]
-    rows = {_identity(row): row for row in read_rows(file)}
-    done = {identity for identity, row in rows.items() if row["status"] != "error"}
-    todo = [task for task in wanted if task.identity not in done]
-    with RowFile(file) as out:
-        record_run(file.parent, finer)
-        for row in _with_progress((workers or Workers()).run(landmark_row, todo, _died), len(todo)):
-            identity = _identity(row)
-            if identity not in rows or row["status"] != "error":  # Else it went wrong before, too.
-                out.append(row)
-                rows[identity] = row
-    return [rows[task.identity] for task in wanted]
+    return resume(file, wanted, search_pair, settings=finer, identity=IDENTITY, workers=workers)
 
 
 def finer_proposals(settings: Settings) -> Settings:
@@ -153,18 +145,8 @@ def has_feature_maps(settings: Settings) -> bool:
     return isinstance(_descriptor(settings), DenseDescriptor)
 
 
-def landmark_row(task: Task) -> Row:
-    """Search for the regions of one pair; whatever goes wrong is recorded in the row."""
-    try:
-        return _start_of_row(task) | _searched(task)
-    except NearfarError as error:
-        return _failed(task, str(error))
-    except Exception as error:
-        return _failed(task, f"{type(error).__name__}: {error}")
-
-
-def _searched(task: Task) -> Row:
-    """The columns of a pair that could be searched."""
+def search_pair(task: LandmarkTask) -> Row:
+    """Search for the regions of one pair."""
     case, timer = task.case, StageTimer()
     far, near = (_read(path, task.settings) for path in (case.far, case.near))
     homography = true_homography(case, far, near)
@@ -196,34 +178,18 @@ def _columns(found: Sequence[Found]) -> Row:
     }
 
 
-def _start_of_row(task: Task) -> Row:
-    """What a row says about its task before anything is computed."""
+def _start_of_row(case: Case, descriptor: str, search: Search, asked: int) -> Row:
     return {
-        "case": task.case.name,
-        "group": task.case.group,
-        "scene": scene(task.case.name),
-        "far": str(task.case.far),
-        "near": str(task.case.near),
-        "true_scale_change": task.case.scale_change,
-        "descriptor": task.settings.descriptor,
-        "search": task.search,
-        "asked": task.asked,
-        "settings": task.key,
+        "case": case.name,
+        "group": case.group,
+        "scene": scene(case.name),
+        "far": str(case.far),
+        "near": str(case.near),
+        "true_scale_change": case.scale_change,
+        "descriptor": descriptor,
+        "search": search,
+        "asked": asked,
     }
-
-
-def _failed(task: Task, reason: str) -> Row:
-    empty = {"dimensions": None, "visible": 0, "far_boxes": 0, **_columns([]), "seconds": {}}
-    return _start_of_row(task) | {"status": "error", "reason": reason} | empty
-
-
-def _died(task: Task) -> Row:
-    """The row of a task that killed its worker."""
-    return _failed(task, "the process that searched it died")
-
-
-def _identity(row: Row) -> tuple[str, str, str, int]:
-    return row["case"], row["settings"], row["search"], row["asked"]
 
 
 @functools.lru_cache(maxsize=1)
@@ -257,10 +223,3 @@ def _proposals(image: Image, settings: Settings, folder: Path) -> Boxes:
 
     key = f"{image.content_hash} {LEVELS}"
     return np.asarray(FeatureStore(folder).of(plain).get_or_compute(key, compute).boxes)
-
-
-def _with_progress(rows: Iterable[Row], total: int) -> Iterable[Row]:
-    """The rows, with a bar on a terminal."""
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not sys.stderr.isatty()) as progress:
-        yield from progress.track(rows, total=total, description="pairs")

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.tables import distinct, markdown, method_name
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import scale_change

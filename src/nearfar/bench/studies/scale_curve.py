@@ -14,8 +14,14 @@ from typing import Literal
 from PIL import Image as PillowImage
 from PIL.PngImagePlugin import PngInfo
 
-from nearfar.bench.datasets.backgrounds import Backgrounds
-from nearfar.bench.datasets.composites import Case, View, compose, random_generator, random_view
+from nearfar.bench.datasets.cases import Case
+from nearfar.bench.datasets.composites import (
+    Backgrounds,
+    View,
+    compose,
+    random_generator,
+    random_view,
+)
 from nearfar.bench.studies.curves import bin_name
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import scale_change, transform

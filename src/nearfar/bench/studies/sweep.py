@@ -7,26 +7,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from nearfar.bench.datasets.composites import Case
-from nearfar.bench.studies.curves import died_row, localized_row
+from nearfar.bench.datasets.cases import Case
+from nearfar.bench.evaluate import failure_columns
+from nearfar.bench.runner import Task, localize_start, localized_columns, resume
 from nearfar.bench.studies.tap_features import NETWORKS, Tap, TapFeatures, TapMethod, taps_of
 from nearfar.bench.tables import distinct, markdown
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.localizer import Localizer
 from nearfar.networks.weights import weights_file
-from nearfar.runtime.metrics import Meter
-from nearfar.runtime.progress import shown_progress
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.storage.rows import (
-    Row,
-    RowFile,
-    read_rows,
-    record_metrics,
-    record_run,
-    settings_key,
-)
+from nearfar.storage.rows import Row, settings_key
 
 NO_WEIGHTS = "weights"
 """Why a configuration was not run."""
@@ -107,12 +99,8 @@ class _Sources:
     disk_bytes: int
 
 
-@dataclass(frozen=True)
-class _Task:
-    """A case, and the configurations that it still lacks, each with the hash of its settings."""
-
-    case: Case
-    wanted: tuple[tuple[Settings, str], ...]
+@dataclass(frozen=True, eq=False)
+class _Task(Task):
     sources: _Sources
 
 
@@ -125,11 +113,11 @@ def run_sweep(
     disk_bytes: int,
     workers: Workers | None = None,
 ) -> list[Result]:
-    """Localize every case with every configuration whose weights are there.
+    """Localize every case with every configuration whose weights are there; see `resume`.
 
     Proposals and points of an image are computed once in each worker, and each network runs once
-    for each size. What the result file holds already is skipped. The rows are those of method
-    `paper`; the times of shared stages stand in the row that came first.
+    for each size. The rows are those of method `paper`; the times of shared stages stand in the
+    row that came first.
 
     Args:
         cases: the cases; those that share an image should follow each other.
@@ -143,45 +131,37 @@ def run_sweep(
         WeightsError: a weights file is damaged or not of its network.
         OSError: the disk is full; the rows so far are kept.
     """
+    _localizers.cache_clear()
     ready = [name for name in grid.descriptors if not _lacks_weights(name, settings)]
     variants = {name: settings.replace(method="paper", descriptor=name) for name in ready}
     keys = {name: settings_key(variant) for name, variant in variants.items()}
-    rows = {(row["case"], row["settings"]): row for row in read_rows(file)}
     sources = _Sources(tuple(variants.values()), file.parent, disk_bytes)
-    tasks = []
+    wanted = []
     for case in cases:
-        wanted = tuple(
-            (variants[name], keys[name]) for name in ready if (case.name, keys[name]) not in rows
-        )
-        if wanted:
-            tasks.append(_Task(case, wanted, sources))
-    meter = Meter()
-    with RowFile(file) as out, shown_progress("pairs") as show:
-        record_run(file.parent, list(variants.values()))
-        for found in (workers or Workers()).run(_rows, tasks, _died, meter):
-            for row in found:
-                out.append(row)
-                rows[row["case"], row["settings"]] = row
-            show(meter.done, len(tasks))
-    if tasks:
-        record_metrics(file.parent, file.name, meter.metrics())
+        data, failure = case.content_hash(), failure_columns(case)
+        for name, variant in variants.items():
+            start = localize_start(case, variant, keys[name], name, data)
+            wanted.append(_Task(case, variant, start, failure, sources))
+    rows = resume(
+        file,
+        wanted,
+        _columns,
+        settings=sources.variants,
+        workers=workers,
+        case_at_once=True,
+    )
+    by_name = {name: rows[index :: len(ready)] for index, name in enumerate(ready)}
     return [
-        _result(file.stem, name, [rows[case.name, keys[name]] for case in cases])
-        if name in keys
+        _result(file.stem, name, by_name[name])
+        if name in by_name
         else Result(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
         for name in grid.descriptors
     ]
 
 
-def _rows(task: _Task) -> list[Row]:
-    """The rows of one case."""
-    localizers = _localizers(task.sources)
-    return [localized_row(task.case, localizers[each.descriptor], key) for each, key in task.wanted]
-
-
-def _died(task: _Task) -> list[Row]:
-    """The rows of a case that killed its worker."""
-    return [died_row(task.case, each, key, each.descriptor) for each, key in task.wanted]
+def _columns(task: _Task) -> Row:
+    """Localize one case with one configuration."""
+    return localized_columns(task.case, _localizers(task.sources)[task.settings.descriptor])
 
 
 def _lacks_weights(descriptor: str, settings: Settings) -> bool:

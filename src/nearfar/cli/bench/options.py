@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.runner import run
 from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError

@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.progress import Progress
 
-from nearfar.bench.datasets.backgrounds import Backgrounds
-from nearfar.bench.datasets.composites import Case
+from nearfar.bench.datasets.cases import Case
+from nearfar.bench.datasets.composites import Backgrounds
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.studies.curve_figures import difference_table, half_table, plot_curve, rate_table
 from nearfar.bench.studies.curves import outcomes

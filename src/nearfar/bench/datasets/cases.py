@@ -1,0 +1,113 @@
+"""One case of a benchmark: a pair of images with its ground truth."""
+
+import functools
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from nearfar.arrays import Coordinates
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.intrinsics import Intrinsics
+from nearfar.models import ModelKind
+
+
+def name_below(folder: Path, root: Path) -> str:
+    """What a folder is called in the names of cases: its path below the root.
+
+    Args:
+        folder: the root or a folder below it.
+        root: the folder of all cases; as a case's folder it goes by its own name.
+    """
+    if folder != root:
+        return folder.relative_to(root).as_posix()
+    return folder.name or folder.resolve().name
+
+
+def scene(name: str) -> str:
+    """Return the part of a case's name that all pairs of its scene share.
+
+    This is the last part of the name without the numbers of the images. For example,
+    "oxford/graf_1_2", "oxford/graf_1_3", "evd/graf" and "graf/1_10" all show the scene "graf". A
+    longer number after "_" is the number of a photograph: "copr/IMG_0046" is a scene of its own.
+    """
+    return re.sub(r"(/1_\d+|(_\d)+)$", "", name).rpartition("/")[2]
+
+
+@dataclass(frozen=True)
+class Stereo:
+    """The right camera beside the far one, rectified to it.
+
+    Attributes:
+        right: path of its image.
+        baseline: distance between both cameras in metres.
+    """
+
+    right: Path
+    baseline: float
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A pair of images with its ground truth, in pixels of the original images.
+
+    Attributes:
+        name: unique in its benchmark, e.g. "homogr/boat".
+        group: what results are summed up by, e.g. "homogr".
+        far: path of the far image.
+        near: path of the near image.
+        model: kind of model to estimate.
+        scale_change: the true scale change; None where unknown.
+        far_points: (N, 2) true points of the far image; empty for a pose.
+        near_points: (N, 2) the corresponding points of the near image.
+        pose: the true pose in metres; None unless the model is a pose.
+        intrinsics: of both cameras; None unless the model is a pose.
+        stereo: the right camera beside the far one; None where there is none.
+        tags: what else a result is told apart or grouped by, e.g. {"factor": 4}.
+    """
+
+    name: str
+    group: str
+    far: Path
+    near: Path
+    model: ModelKind
+    scale_change: float | None
+    far_points: Coordinates
+    near_points: Coordinates
+    pose: RelativePose | None = None
+    intrinsics: Intrinsics | None = None
+    stereo: Stereo | None = None
+    tags: Mapping[str, str | float] = field(default_factory=dict)
+
+    def content_hash(self) -> str:
+        """SHA-256 of the images' files and the ground truth; a missing file counts as empty."""
+        digest = hashlib.sha256()
+        right = () if self.stereo is None else (self.stereo.right,)
+        for image in (self.far, self.near, *right):
+            digest.update(_file_hash(image).encode())
+        digest.update(np.asarray(self.far_points, np.float64).tobytes())
+        digest.update(np.asarray(self.near_points, np.float64).tobytes())
+        if self.pose is not None:
+            digest.update(np.asarray(self.pose.rotation, np.float64).tobytes())
+            digest.update(np.asarray(self.pose.translation, np.float64).tobytes())
+        cameras = (self.model, self.intrinsics, self.stereo and self.stereo.baseline)
+        digest.update(repr(cameras).encode())
+        return digest.hexdigest()[:16]
+
+
+def _file_hash(file: Path) -> str:
+    """SHA-256 of a file, kept for as long as its size and time of change stay."""
+    try:
+        state = file.stat()
+    except OSError:
+        return ""
+    return _hash_of_state(file, state.st_size, state.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=4096)
+def _hash_of_state(file: Path, size: int, modified: int) -> str:  # noqa: ARG001
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
