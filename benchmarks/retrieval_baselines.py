@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
-from nearfar.features.keypoints import detect_keypoints
+from nearfar.features.detection import detect_rootsift
 from nearfar.imaging.image import read_image
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.sources import TILE
@@ -115,7 +115,7 @@ class BagOfWords:
     def ranked(self, query: Path) -> list[str]:
         """The images of the map, best first."""
         pixels = read_image(query, max_size=TILE).pixels
-        counts = self._counts(detect_keypoints(pixels, CONTRAST, MOST).vectors)
+        counts = self._counts(detect_rootsift(pixels, CONTRAST, MOST).descriptors)
         return best_first(self._names, self._vectors @ unit(np.sqrt(counts) * self._rarity))
 
     def _counts(self, vectors: Vectors) -> Vectors:
@@ -125,7 +125,7 @@ class BagOfWords:
 def _keypoints(store: MapStore, image: MapImage) -> Vectors:
     """The vectors of the keypoints of all tiles of an image."""
     stored = [store.keypoints(image.id, tile) for tile in store.tiles(image.id)]
-    return np.vstack([unpacked_keypoints(each).vectors for each in stored if each is not None])
+    return np.vstack([unpacked_keypoints(each).descriptors for each in stored if each is not None])
 
 
 def _words(store: MapStore, images: list[MapImage]) -> Vectors:

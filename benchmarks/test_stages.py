@@ -14,7 +14,9 @@ from skimage import data
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.descriptors.hog import HOG
 from nearfar.estimators.ransac import Ransac
-from nearfar.features.keypoints import Points, detect_sift, match_points, match_points_in_boxes
+from nearfar.features.detection import detect_sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_mnn, match_mnn_in_boxes
 from nearfar.landmarks.landmarks import Landmarks, match_landmarks
 from nearfar.models import Task
 from nearfar.proposals.selective_search import SelectiveSearch
@@ -44,7 +46,7 @@ def landmarks(images: tuple[RGBPixels, RGBPixels]) -> list[Landmarks]:
 
 
 @pytest.fixture(scope="module")
-def points(images: tuple[RGBPixels, RGBPixels]) -> list[Points]:
+def points(images: tuple[RGBPixels, RGBPixels]) -> list[Keypoints]:
     return [detect_sift(image) for image in images]
 
 
@@ -85,25 +87,25 @@ def test_landmark_matching(benchmark: BenchmarkFixture, landmarks: list[Landmark
 
 
 @pytest.mark.benchmark(group="per pair")
-def test_point_matching(benchmark: BenchmarkFixture, points: list[Points]) -> None:
-    once(benchmark, lambda: match_points(*points))
+def test_point_matching(benchmark: BenchmarkFixture, points: list[Keypoints]) -> None:
+    once(benchmark, lambda: match_mnn(*points))
 
 
 @pytest.mark.benchmark(group="per pair")
 def test_point_matching_in_boxes(
-    benchmark: BenchmarkFixture, points: list[Points], landmarks: list[Landmarks]
+    benchmark: BenchmarkFixture, points: list[Keypoints], landmarks: list[Landmarks]
 ) -> None:
     matches = match_landmarks(*landmarks)
     far, near = points
     once(
         benchmark,
-        lambda: match_points_in_boxes(far, near, matches.far_boxes, matches.near_boxes),
+        lambda: match_mnn_in_boxes(far, near, matches.far_boxes, matches.near_boxes),
     )
 
 
 @pytest.mark.benchmark(group="per pair")
-def test_estimation(benchmark: BenchmarkFixture, points: list[Points]) -> None:
-    far, near = match_points(*points).T
+def test_estimation(benchmark: BenchmarkFixture, points: list[Keypoints]) -> None:
+    far, near = match_mnn(*points).T
     estimator = Ransac("ransac", SETTINGS)
     task = Task("homography")
     once(benchmark, lambda: estimator.estimate(points[0].xy[far], points[1].xy[near], task))

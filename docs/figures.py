@@ -27,8 +27,8 @@ from nearfar.arrays import Coordinates, Mask, RGBPixels
 from nearfar.demo import PRINTS, TARGET, make_scene
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.estimators import Task
-from nearfar.features.keypoints import detect_keypoints
-from nearfar.features.nearest import nearest_both_ways
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.matching import nearest_neighbours
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis
@@ -109,8 +109,8 @@ def make_pair() -> Pair:
 
 def draw_points(pair: Pair) -> None:
     """The first step: matches everywhere, hardly one of them right."""
-    far, near = (detect_keypoints(each, CONTRAST) for each in (pair.far, pair.near))
-    matched = Matched.of(far, near, nearest_both_ways(far, near), RATIO)
+    far, near = (detect_rootsift(each, CONTRAST) for each in (pair.far, pair.near))
+    matched = Matched.of(far, near, nearest_neighbours(far, near), RATIO)
     found = fitted(pair, matched, "points")
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[4, 3])
     show(axes[0], pair.far, f"far image, {pair.far_size[0]} x {pair.far_size[1]}")
@@ -121,8 +121,8 @@ def draw_points(pair: Pair) -> None:
 
 def draw_votes(pair: Pair) -> None:
     """The places that matches vote for."""
-    far, near = (detect_keypoints(each, CONTRAST) for each in (pair.far, pair.near))
-    tentative = tentative_matches(far, near, *nearest_both_ways(far, near))
+    far, near = (detect_rootsift(each, CONTRAST) for each in (pair.far, pair.near))
+    tentative = tentative_matches(far, near, *nearest_neighbours(far, near))
     voted = hypotheses(tentative, VOTED, "votes")
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[4, 3])
     show(axes[0], pair.far, f"{len(voted)} places that matches vote for, the first two in colour")

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError
-from nearfar.features.keypoints import Points, detect_sift, match_points, match_points_in_boxes
+from nearfar.features.detection import detect_sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_mnn, match_mnn_in_boxes
 
 
 def test_positions_are_exact_on_a_known_spot() -> None:
@@ -30,15 +32,15 @@ def test_same_points_as_opencv_with_the_papers_parameters(
     keypoints, vectors = cv2.SIFT_create(0, 3, 0.04, 10, 1.6).detectAndCompute(grey, None)
     points = detect_sift(image)
     assert abs(len(points.xy) - len(keypoints)) < 0.1 * len(keypoints)
-    assert points.vectors.shape[1] == vectors.shape[1] == 128
+    assert points.descriptors.shape[1] == vectors.shape[1] == 128
 
 
 def test_an_image_without_points() -> None:
     for size in ((1, 1), (50, 80)):
         points = detect_sift(np.full((*size, 3), 90, np.uint8))
         assert points.xy.shape == (0, 2)
-        assert points.vectors.shape == (0, 128)
-        assert len(match_points(points, points)) == 0
+        assert points.descriptors.shape == (0, 128)
+        assert len(match_mnn(points, points)) == 0
 
 
 def test_an_image_too_large_for_opencv_is_refused() -> None:
@@ -47,9 +49,9 @@ def test_an_image_too_large_for_opencv_is_refused() -> None:
         detect_sift(wide)
 
 
-def random_points(rng: np.random.Generator, count: int) -> Points:
+def random_points(rng: np.random.Generator, count: int) -> Keypoints:
     vectors = rng.integers(0, 256, (count, 128)).astype(np.float32)
-    return Points(rng.uniform(-0.5, 99.5, (count, 2)), vectors)
+    return Keypoints.of(rng.uniform(-0.5, 99.5, (count, 2)), vectors)
 
 
 @given(st.integers(0, 1000), st.integers(1, 50))
@@ -57,9 +59,7 @@ def test_one_box_around_everything_equals_no_box(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     far, near = random_points(rng, count), random_points(rng, 30)
     box = np.array([[0, 0, 100, 100]], np.int32)
-    np.testing.assert_array_equal(
-        match_points_in_boxes(far, near, box, box), match_points(far, near)
-    )
+    np.testing.assert_array_equal(match_mnn_in_boxes(far, near, box, box), match_mnn(far, near))
 
 
 @given(st.integers(0, 1000))
@@ -67,7 +67,7 @@ def test_matches_lie_in_a_pair_of_boxes_and_are_distinct(seed: int) -> None:
     rng = np.random.default_rng(seed)
     far, near = random_points(rng, 80), random_points(rng, 80)
     far_boxes, near_boxes = rng.integers(1, 50, (2, 6, 4)).astype(np.int32)
-    pairs = match_points_in_boxes(far, near, far_boxes, near_boxes)
+    pairs = match_mnn_in_boxes(far, near, far_boxes, near_boxes)
     assert len(np.unique(pairs, axis=0)) == len(pairs)
     for i, j in pairs:
         in_far = inside(far.xy[i], far_boxes)
@@ -86,4 +86,4 @@ def inside(xy: np.ndarray, boxes: np.ndarray) -> np.ndarray:
 def test_no_boxes_no_matches() -> None:
     points = random_points(np.random.default_rng(0), 10)
     none = np.empty((0, 4), np.int32)
-    assert match_points_in_boxes(points, points, none, none).shape == (0, 2)
+    assert match_mnn_in_boxes(points, points, none, none).shape == (0, 2)

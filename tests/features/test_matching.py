@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nearfar.features import matching
-from nearfar.features.keypoints import negative_squared_distance
-from nearfar.features.matching import mutual_nearest, second_similarity
+from nearfar.features.matching import mutual_nearest, negative_squared_distance, second_similarity
 from nearfar.landmarks.landmarks import cosine_similarity
 
 
@@ -50,7 +49,7 @@ def test_blocks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> Non
     rng = np.random.default_rng(2)
     far, near = rng.integers(0, 4, (2, 300, 6)).astype(np.float32)
     whole = mutual_nearest(far, near, negative_squared_distance)
-    monkeypatch.setattr(matching, "_BLOCK_VALUES", 7 * 300)
+    monkeypatch.setattr(matching, "BLOCK_VALUES", 7 * 300)
     np.testing.assert_array_equal(mutual_nearest(far, near, negative_squared_distance), whole)
 
 

@@ -7,15 +7,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nearfar.arrays import Mask
-from nearfar.features import nearest
-from nearfar.features.keypoints import Keypoints, Points, match_points_by_ratio
-from nearfar.features.nearest import (
-    Gate,
-    Nearest,
-    mutual_by_ratio,
-    nearest_both_ways,
-    nearest_within,
-)
+from nearfar.features import matching
+from nearfar.features.guided import Gate, nearest_within
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import Nearest, match_snn, mutual_by_ratio, nearest_neighbours
 
 seeds = st.integers(0, 10_000)
 counts = st.integers(0, 60)
@@ -23,16 +18,16 @@ counts = st.integers(0, 60)
 
 def random_keypoints(rng: np.random.Generator, count: int) -> Keypoints:
     """Descriptors are whole numbers: their distances are exact, and some are equal."""
-    return Keypoints(
+    return Keypoints.of(
         rng.uniform(-50, 250, (count, 2)),
-        np.exp(rng.uniform(0, 3, count)),
-        rng.uniform(0, 2 * np.pi, count),
-        rng.integers(0, 9, (count, 6)).astype(np.float32),
+        scale=np.exp(rng.uniform(0, 3, count)),
+        angle=rng.uniform(0, 2 * np.pi, count),
+        descriptors=rng.integers(0, 9, (count, 6)),
     )
 
 
 def squared_distances(far: Keypoints, near: Keypoints) -> NDArray[np.float32]:
-    return np.asarray(np.square(far.vectors[:, None] - near.vectors[None]).sum(axis=2))
+    return np.asarray(np.square(far.descriptors[:, None] - near.descriptors[None]).sum(axis=2))
 
 
 def assert_nearest(found: Nearest, distance: NDArray[np.float32]) -> None:
@@ -48,11 +43,11 @@ def assert_nearest(found: Nearest, distance: NDArray[np.float32]) -> None:
 
 def allowed(far: Keypoints, near: Keypoints, gate: Gate) -> Mask:
     away = np.abs(far.xy[:, None] - near.xy[None]).max(axis=2)
-    ratio = far.size[:, None] / near.size[None]
+    ratio = far.scale[:, None] / near.scale[None]
     turn = (far.angle[:, None] - near.angle[None] + np.pi) % (2 * np.pi) - np.pi
     return np.asarray(
         (away < gate.radius)
-        & (np.maximum(ratio, 1 / ratio) < gate.size)
+        & (np.maximum(ratio, 1 / ratio) < gate.scale)
         & (np.abs(turn) < gate.angle)
     )
 
@@ -62,7 +57,7 @@ def allowed(far: Keypoints, near: Keypoints, gate: Gate) -> Mask:
 def test_nearest_everywhere(seed: int, far_count: int, near_count: int) -> None:
     rng = np.random.default_rng(seed)
     far, near = random_keypoints(rng, far_count), random_keypoints(rng, near_count)
-    of_far, of_near = nearest_both_ways(far, near)
+    of_far, of_near = nearest_neighbours(far, near)
     distance = squared_distances(far, near)
     assert_nearest(of_far, distance)
     assert_nearest(of_near, distance.T)
@@ -106,19 +101,17 @@ def test_the_ratio_test_is_that_of_the_points(
 ) -> None:
     rng = np.random.default_rng(seed)
     far, near = random_keypoints(rng, far_count), random_keypoints(rng, near_count)
-    pairs = mutual_by_ratio(*nearest_both_ways(far, near), ratio)
-    expected = match_points_by_ratio(
-        Points(far.xy, far.vectors), Points(near.xy, near.vectors), ratio
-    )
+    pairs = mutual_by_ratio(*nearest_neighbours(far, near), ratio)
+    expected = match_snn(far, near, ratio)
     np.testing.assert_array_equal(pairs, expected)
 
 
 def test_blocks_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(2)
     far, near = random_keypoints(rng, 200), random_keypoints(rng, 90)
-    whole = nearest_both_ways(far, near)
-    monkeypatch.setattr(nearest, "_BLOCK_VALUES", 7 * 90)
-    for ours, theirs in zip(nearest_both_ways(far, near), whole, strict=True):
+    whole = nearest_neighbours(far, near)
+    monkeypatch.setattr(matching, "BLOCK_DISTANCES", 7 * 90)
+    for ours, theirs in zip(nearest_neighbours(far, near), whole, strict=True):
         np.testing.assert_array_equal(ours.index, theirs.index)
         np.testing.assert_array_equal(ours.distance, theirs.distance)
         np.testing.assert_array_equal(ours.second, theirs.second)

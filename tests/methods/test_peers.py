@@ -1,6 +1,7 @@
 """The peers of the benchmark: right answers on a known pair, and the properties of their parts."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,14 +10,9 @@ from hypothesis import strategies as st
 
 from nearfar import localize
 from nearfar.arrays import RGBPixels
-from nearfar.features.keypoints import (
-    Points,
-    detect_sift,
-    match_points,
-    match_points_by_ratio,
-    one_match_per_cell,
-    root_sift,
-)
+from nearfar.features.detection import detect_sift, root_sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_fginn, match_mnn, match_snn, one_match_per_cell
 from nearfar.methods import METHODS
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
@@ -38,12 +34,12 @@ def test_binary_descriptors_are_compared_by_hamming_distance(
     name: str, photograph: Callable[[str], RGBPixels]
 ) -> None:
     points = METHODS.create(name, Settings()).extract(photograph("coffee"), StageTimer())
-    assert set(np.unique(points.vectors)) == {0.0, 1.0}
+    assert set(np.unique(points.descriptors)) == {0.0, 1.0}
 
 
-def random_points(rng: np.random.Generator, count: int) -> Points:
+def random_points(rng: np.random.Generator, count: int) -> Keypoints:
     vectors = rng.integers(0, 9, (count, 6)).astype(np.float32)
-    return Points(rng.uniform(0, 100, (count, 2)), vectors)
+    return Keypoints.of(rng.uniform(0, 100, (count, 2)), vectors)
 
 
 def rows(pairs: np.ndarray) -> set[tuple[int, int]]:
@@ -57,11 +53,11 @@ def test_the_ratio_test_is_that_of_both_directions(
 ) -> None:
     rng = np.random.default_rng(seed)
     far, near = random_points(rng, far_count), random_points(rng, near_count)
-    pairs = match_points_by_ratio(far, near, ratio)
-    assert rows(pairs) <= rows(match_points(far, near))
-    distance = np.linalg.norm(far.vectors[:, None] - near.vectors[None], axis=2)
+    pairs = match_snn(far, near, ratio)
+    assert rows(pairs) <= rows(match_mnn(far, near))
+    distance = np.linalg.norm(far.descriptors[:, None] - near.descriptors[None], axis=2)
     expected = set()
-    for i, j in match_points(far, near):
+    for i, j in match_mnn(far, near):
         second = min(
             np.delete(distance[i], j).min(initial=np.inf),
             np.delete(distance[:, j], i).min(initial=np.inf),
@@ -79,10 +75,10 @@ def test_the_ratio_test_is_that_of_both_directions(
 def test_matches_that_pass_the_ratio_test_are_nearer_than_the_second() -> None:
     rng = np.random.default_rng(0)
     far, others = random_points(rng, 30), random_points(rng, 30)
-    moved = far.vectors[:20] + np.eye(20, 6, dtype=np.float32)
-    near = Points(np.vstack([far.xy[:20], others.xy]), np.vstack([moved, others.vectors]))
-    distance = np.linalg.norm(far.vectors[:, None] - near.vectors[None], axis=2)
-    pairs = [(i, j) for i, j in match_points_by_ratio(far, near, 0.8) if distance[i, j] > 0]
+    moved = far.descriptors[:20] + np.eye(20, 6, dtype=np.float32)
+    near = Keypoints.of(np.vstack([far.xy[:20], others.xy]), np.vstack([moved, others.descriptors]))
+    distance = np.linalg.norm(far.descriptors[:, None] - near.descriptors[None], axis=2)
+    pairs = [(i, j) for i, j in match_snn(far, near, 0.8) if distance[i, j] > 0]
     assert len(pairs) >= 4
     for i, j in pairs:
         assert distance[i, j] < 0.8 * np.delete(distance[i], j).min() * (1 + 1e-6)
@@ -94,16 +90,14 @@ def test_matches_that_pass_the_ratio_test_are_nearer_than_the_second() -> None:
 def test_a_second_point_close_by_does_not_count_as_another(seed: int) -> None:
     rng = np.random.default_rng(seed)
     far = random_points(rng, 20)
-    twice = Points(np.vstack([far.xy, far.xy + 1]), np.vstack([far.vectors, far.vectors]))
-    unique = Points(
+    twice = Keypoints.concatenated([far, replace(far, xy=far.xy + 1)])
+    unique = Keypoints.of(
         far.xy * 50, (rng.uniform(0, 1, (20, 6)) + np.eye(20, 6) * 9).astype(np.float32)
     )
-    doubled = Points(
-        np.vstack([unique.xy, unique.xy + 1]), np.vstack([unique.vectors, unique.vectors])
-    )
-    assert len(match_points_by_ratio(twice, twice, 0.8)) == 0
-    apart = match_points_by_ratio(doubled, doubled, 0.8, apart=10)
-    alone = match_points_by_ratio(unique, unique, 0.8, apart=10)
+    doubled = Keypoints.concatenated([unique, replace(unique, xy=unique.xy + 1)])
+    assert len(match_snn(twice, twice, 0.8)) == 0
+    apart = match_fginn(doubled, doubled, 0.8, fginn_radius=10)
+    alone = match_fginn(unique, unique, 0.8, fginn_radius=10)
     assert len(alone) == 20
     assert rows(apart) >= rows(alone)
 
@@ -125,10 +119,10 @@ def test_no_two_matches_share_a_cell(seed: int, size: float) -> None:
 
 def test_root_sift_has_unit_length(photograph: Callable[[str], RGBPixels]) -> None:
     points = root_sift(detect_sift(photograph("coffee")))
-    assert points.vectors.dtype == np.float32
-    np.testing.assert_allclose(np.linalg.norm(points.vectors, axis=1), 1, atol=1e-5)
-    zero = root_sift(Points(np.zeros((1, 2)), np.zeros((1, 128), np.float32)))
-    assert np.isfinite(zero.vectors).all()
+    assert points.descriptors.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(points.descriptors, axis=1), 1, atol=1e-5)
+    zero = root_sift(Keypoints.of(np.zeros((1, 2)), np.zeros((1, 128), np.float32)))
+    assert np.isfinite(zero.descriptors).all()
 
 
 def test_a_lower_contrast_threshold_only_adds_points(

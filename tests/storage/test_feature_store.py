@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
-from nearfar.features.keypoints import Points
+from nearfar.features.keypoints import Keypoints
 from nearfar.landmarks.landmarks import Landmarks
 from nearfar.localizer import Localizer
 from nearfar.methods.points import Sift
@@ -27,23 +27,23 @@ from nearfar.storage.feature_store import NOT_IN_FEATURES, FeatureStore, flatten
 from tests.conftest import KnownPair
 
 
-def points(seed: int, count: int = 50) -> Points:
+def points(seed: int, count: int = 50) -> Keypoints:
     rng = np.random.default_rng(seed)
-    return Points(rng.normal(size=(count, 2)), rng.random((count, 128), np.float32))
+    return Keypoints.of(rng.normal(size=(count, 2)), rng.random((count, 128), np.float32))
 
 
-def never() -> Points:
+def never() -> Keypoints:
     raise AssertionError("the features were computed again")
 
 
 class Compute:
     """Returns features and counts how often."""
 
-    def __init__(self, features: Points) -> None:
+    def __init__(self, features: Keypoints) -> None:
         self.features = features
         self.calls = 0
 
-    def __call__(self) -> Points:
+    def __call__(self) -> Keypoints:
         self.calls += 1
         return self.features
 
@@ -61,7 +61,7 @@ class Nested:
     """Stands for the features of a method; its module is made to look like one of the package."""
 
     landmarks: tuple[Landmarks, ...]
-    points: Points
+    points: Keypoints
     scale: float
     note: str | None = None
 
@@ -89,7 +89,7 @@ def test_what_comes_back_is_equal_to_the_bit(nested: Nested, tmp_path: Path) -> 
 
 def test_other_objects_are_refused(tmp_path: Path) -> None:
     store = FeatureStore(tmp_path)
-    odd = Points(np.array([None]), np.empty((0, 128), np.float32))
+    odd = dataclasses.replace(points(0), xy=np.array([None]))
     for wrong in (odd, object(), [1]):
         with pytest.raises(TypeError, match="cannot be stored"):
             store.get_or_compute("key", itertools.repeat(wrong).__next__)
@@ -158,10 +158,10 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
+from nearfar.features.keypoints import Keypoints
 from nearfar.storage.feature_store import FeatureStore
-from nearfar.features.keypoints import Points
 store = FeatureStore(Path(sys.argv[1]), 10**9)
-made = Points(np.zeros((200_000, 2)), np.ones((200_000, 128), np.float32))
+made = Keypoints.of(np.zeros((200_000, 2)), np.ones((200_000, 128), np.float32))
 print("ready", flush=True)
 while True:
     (store.folder / "key.npz").unlink(missing_ok=True)
@@ -309,7 +309,7 @@ def test_a_localizer_computes_features_once_for_all_runs(
     calls: list[object] = []
     extract = Sift.extract
 
-    def counted(method: Sift, pixels: RGBPixels, timer: StageTimer) -> Points:
+    def counted(method: Sift, pixels: RGBPixels, timer: StageTimer) -> Keypoints:
         calls.append(pixels)
         return extract(method, pixels, timer)
 

@@ -1,1 +1,1 @@
-"""Keypoints with descriptors, and their matches."""
+"""Keypoints with descriptors: detection and matching; maps of features."""

@@ -1,47 +1,176 @@
-"""Mutual nearest neighbours and the ratio test, in bounded memory."""
+"""Nearest-neighbour matching of descriptors, by brute force and in bounded memory.
 
-from collections.abc import Callable
+`match_mnn`, `match_snn` and `match_fginn` match the keypoints of two images. Below them are the
+searches that they share with landmarks and with the method `adaptive`.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, IndexPairs, Vectors
+from nearfar.arrays import Boxes, Coordinates, IndexPairs, Vectors
+from nearfar.features.keypoints import Keypoints
 
 Similarity = Callable[[Vectors, Vectors], NDArray[np.float32]]
-"""Maps (n, D) and (M, D) vectors to (n, M) values, larger for nearer vectors."""
+"""Maps (N, D) and (M, D) descriptors to (N, M) values, larger for more similar descriptors."""
 
-_BLOCK_VALUES = 16_000_000
-"""Similarities held at a time (64 MB)."""
+BLOCK_VALUES = 16_000_000
+"""Similarities held in memory at a time (64 MB) by the search for mutual nearest neighbours."""
+BLOCK_DISTANCES = 4_000_000
+"""Distances held in memory at a time (16 MB) by the search for two nearest neighbours."""
 
 
-def mutual_nearest(
-    far: Vectors,
-    near: Vectors,
-    similarity: Similarity,
-) -> IndexPairs:
-    """Pairs of which each is the other's nearest neighbour (brute force, cross-checked).
+def match_mnn(far: Keypoints, near: Keypoints) -> IndexPairs:
+    """Return mutual nearest neighbours by the Euclidean distance of descriptors.
 
     Args:
-        far: (N, D).
-        near: (M, D).
-        similarity: of two sets of vectors.
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
 
     Returns:
-        (K, 2) indices, sorted by the far index; of equally near neighbours the first counts.
+        (K, 2) indices into far and near, sorted by the far index.
+    """
+    return mutual_nearest(far.descriptors, near.descriptors, negative_squared_distance)
+
+
+def match_snn(far: Keypoints, near: Keypoints, ratio: float) -> IndexPairs:
+    """Return mutual nearest neighbours that pass the ratio test (Lowe, 2004) in both directions.
+
+    A match passes if the distance of its descriptors is below `ratio` times the distance from
+    either of them to its second nearest neighbour. Without a second neighbour it passes.
+
+    Args:
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
+        ratio: 0 to 1, of Euclidean distances; the root of the ratio of Hamming distances.
+
+    Returns:
+        (K, 2) indices into far and near, sorted by the far index.
+    """
+    return _match_by_ratio(far, near, ratio, None)
+
+
+def match_fginn(
+    far: Keypoints, near: Keypoints, ratio: float, fginn_radius: float = 10.0
+) -> IndexPairs:
+    """Return matches that pass the ratio test against first geometrically inconsistent neighbours.
+
+    The second nearest neighbour counts only keypoints that are farther than a radius from the
+    nearest one, in x or in y (Mishkin, Matas and Perdoch, 2015). Use it for detectors that find
+    one point several times.
+
+    Args:
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
+        ratio: 0 to 1, of Euclidean distances; see `match_snn`.
+        fginn_radius: pixels.
+
+    Returns:
+        (K, 2) indices into far and near, sorted by the far index.
+    """
+    return _match_by_ratio(far, near, ratio, fginn_radius)
+
+
+def match_mnn_in_boxes(
+    far: Keypoints, near: Keypoints, far_boxes: Boxes, near_boxes: Boxes
+) -> IndexPairs:
+    """Return mutual nearest neighbours inside each pair of matched boxes (paper, section III).
+
+    Args:
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
+        far_boxes: (B, 4) boxes (x, y, width, height) in pixels of the far image.
+        near_boxes: (B, 4) boxes of the near image; row i is matched to row i of `far_boxes`.
+
+    Returns:
+        (K, 2) distinct indices into far and near of all pairs of boxes, sorted.
+    """
+    found = [np.empty((0, 2), np.intp)]
+    for far_box, near_box in zip(far_boxes, near_boxes, strict=True):
+        far_inside, near_inside = _inside(far.xy, far_box), _inside(near.xy, near_box)
+        pairs = mutual_nearest(
+            far.descriptors[far_inside], near.descriptors[near_inside], negative_squared_distance
+        )
+        found.append(np.column_stack([far_inside[pairs[:, 0]], near_inside[pairs[:, 1]]]))
+    return np.unique(np.vstack(found), axis=0)
+
+
+def one_match_per_cell(
+    far: Keypoints, near: Keypoints, pairs: IndexPairs, size: float
+) -> IndexPairs:
+    """Keep the best match of those that share a far cell, then of those that share a near cell.
+
+    The best match is that of the smallest Euclidean distance of descriptors.
+
+    Args:
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
+        pairs: (K, 2) indices into far and near.
+        size: side of a square cell in pixels.
+
+    Returns:
+        (L, 2) indices into far and near of the kept matches, sorted.
+    """
+    pairs = pairs[np.argsort(_squared_distances(far, near, pairs), kind="stable")]
+    pairs = pairs[first_of_each_cell(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], size)]
+    return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def first_of_each_cell(far: Coordinates, near: Coordinates, size: float) -> NDArray[np.intp]:
+    """Keep the first match of those that share a far cell, then of those that share a near cell.
+
+    Args:
+        far: (K, 2) far points in pixels.
+        near: (K, 2) near points; row i is matched to row i of `far`.
+        size: side of a square cell in pixels.
+
+    Returns:
+        (L,) indices of the kept matches, in their order.
+    """
+    kept = np.arange(len(far))
+    for xy in (far, near):
+        _, first = np.unique(np.floor(xy[kept] / size), axis=0, return_index=True)
+        kept = kept[np.sort(first)]
+    return kept
+
+
+def negative_squared_distance(far: Vectors, near: Vectors) -> NDArray[np.float32]:
+    """Return (N, M) negative squared Euclidean distances of (N, D) and (M, D) descriptors.
+
+    They are exact for the whole numbers of SIFT.
+    """
+    product: NDArray[np.float32] = far @ near.T
+    product *= 2
+    product -= np.square(near).sum(axis=1)
+    product -= np.square(far).sum(axis=1)[:, np.newaxis]
+    return product
+
+
+def mutual_nearest(far: Vectors, near: Vectors, similarity: Similarity) -> IndexPairs:
+    """Return the pairs of descriptors that are each other's nearest neighbour.
+
+    Args:
+        far: (N, D) descriptors.
+        near: (M, D) descriptors.
+        similarity: similarity of two sets of descriptors.
+
+    Returns:
+        (K, 2) indices, sorted by the far index; the first of equally near neighbours counts.
     """
     if len(far) == 0 or len(near) == 0:
         return np.empty((0, 2), np.intp)
     near_of_far = np.empty(len(far), np.intp)
     far_of_near = np.zeros(len(near), np.intp)
     best = np.full(len(near), -np.inf, np.float32)
-    rows = max(1, _BLOCK_VALUES // len(near))
-    for start in range(0, len(far), rows):
-        block = similarity(far[start : start + rows], near)
-        near_of_far[start : start + rows] = block.argmax(axis=1)
+    for rows in _blocks(len(far), len(near), BLOCK_VALUES):
+        block = similarity(far[rows], near)
+        near_of_far[rows] = block.argmax(axis=1)
         nearest = block.argmax(axis=0)
         value = block[nearest, np.arange(len(near))]
         better = value > best
-        far_of_near[better] = nearest[better] + start
+        far_of_near[better] = nearest[better] + rows.start
         best[better] = value[better]
     far_index = np.flatnonzero(far_of_near[near_of_far] == np.arange(len(far)))
     return np.column_stack([far_index, near_of_far[far_index]])
@@ -53,38 +182,164 @@ def second_similarity(
     nearest: NDArray[np.intp],
     similarity: Similarity,
     others_xy: Coordinates | None = None,
-    radius: float = 0.0,
+    fginn_radius: float = 0.0,
 ) -> NDArray[np.float32]:
-    """Similarity to the nearest of the other vectors, the nearest neighbour itself left out.
+    """Return the similarity of each descriptor to its second nearest neighbour.
 
     Args:
-        vectors: (N, D).
-        others: (M, D).
-        nearest: (N,) index of each vector's nearest neighbour among the others.
-        similarity: of two sets of vectors.
-        others_xy: (M, 2) positions of the others; where given, all of them that lie within the
-            radius of the nearest neighbour, in x and in y, are left out together with it.
-        radius: in pixels.
+        vectors: (N, D) descriptors.
+        others: (M, D) descriptors among which the neighbours are.
+        nearest: (N,) index of each descriptor's nearest neighbour among the others.
+        similarity: similarity of two sets of descriptors.
+        others_xy: (M, 2) positions of the others in pixels; if given, no other within the radius
+            of the nearest neighbour, in x and in y, is a second one.
+        fginn_radius: pixels.
 
     Returns:
-        (N,) values; -inf where no other vector remains.
+        (N,) similarities; -inf where there is no second neighbour.
     """
-    neighbourhoods = None if others_xy is None else _Neighbourhoods(others_xy, radius)
+    neighbourhoods = None if others_xy is None else _Neighbourhoods(others_xy, fginn_radius)
     second = np.empty(len(vectors), np.float32)
-    rows = max(1, _BLOCK_VALUES // max(1, len(others)))
-    for start in range(0, len(vectors), rows):
-        part = slice(start, start + rows)
-        block = similarity(vectors[part], others)
+    for rows in _blocks(len(vectors), len(others), BLOCK_VALUES):
+        block = similarity(vectors[rows], others)
         if neighbourhoods is not None:
-            for row, index in enumerate(nearest[part]):
+            for row, index in enumerate(nearest[rows]):
                 block[row, neighbourhoods.around(index)] = -np.inf
-        block[np.arange(len(block)), nearest[part]] = -np.inf
-        second[part] = block.max(axis=1)
+        block[np.arange(len(block)), nearest[rows]] = -np.inf
+        second[rows] = block.max(axis=1)
     return second
 
 
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """The two nearest neighbours of each of N descriptors among others.
+
+    Attributes:
+        index: (N,) index of the nearest neighbour among the others; -1 where there is none.
+        distance: (N,) squared Euclidean distance to it; inf where there is none.
+        second: (N,) squared Euclidean distance to the second nearest; inf where there is none.
+    """
+
+    index: NDArray[np.intp]
+    distance: NDArray[np.float32]
+    second: NDArray[np.float32]
+
+    @staticmethod
+    def none(count: int) -> "Nearest":
+        """Return the result for `count` descriptors before any other was compared."""
+        infinite = np.full(count, np.inf, np.float32)
+        return Nearest(np.full(count, -1, np.intp), infinite, infinite.copy())
+
+    def update(
+        self,
+        rows: NDArray[np.intp] | slice,
+        similarity: NDArray[np.float32],
+        others: NDArray[np.intp],
+    ) -> None:
+        """Take further others into account.
+
+        Args:
+            rows: R of the N descriptors.
+            similarity: (R, M) negative squared distances, which are overwritten; -inf for pairs
+                that do not count.
+            others: (M,) index of each column among the others.
+        """
+        lines = np.arange(len(similarity))
+        column = similarity.argmax(axis=1)
+        first = -similarity[lines, column]
+        similarity[lines, column] = -np.inf
+        second = -similarity.max(axis=1)
+        old = self.distance[rows]
+        nearer = first < old
+        self.second[rows] = np.where(
+            nearer, np.minimum(second, old), np.minimum(first, self.second[rows])
+        )
+        self.index[rows] = np.where(nearer, others[column], self.index[rows])
+        self.distance[rows] = np.where(nearer, first, old)
+
+
+def nearest_neighbours(far: Keypoints, near: Keypoints) -> tuple[Nearest, Nearest]:
+    """Return the two nearest near keypoints of each far one, and the reverse.
+
+    Args:
+        far: N keypoints of the far image.
+        near: M keypoints of the near image.
+
+    Returns:
+        Neighbours of the N far keypoints, and of the M near keypoints.
+    """
+    of_far, of_near = Nearest.none(len(far)), Nearest.none(len(near))
+    if not len(far) or not len(near):
+        return of_far, of_near
+    all_near = np.arange(len(near))
+    for rows in _blocks(len(far), len(near), BLOCK_DISTANCES):
+        similarity = negative_squared_distance(far.descriptors[rows], near.descriptors)
+        transposed = similarity.T.copy()
+        of_far.update(rows, similarity, all_near)
+        of_near.update(slice(None), transposed, np.arange(rows.start, rows.stop))
+    return of_far, of_near
+
+
+def mutual_by_ratio(of_far: Nearest, of_near: Nearest, ratio: float) -> IndexPairs:
+    """Return mutual nearest neighbours that pass the ratio test in both directions.
+
+    Args:
+        of_far: neighbours of the far keypoints.
+        of_near: neighbours of the near keypoints.
+        ratio: 0 to 1, of Euclidean distances; see `match_snn`.
+
+    Returns:
+        (K, 2) indices into far and near, sorted by the far index.
+    """
+    if not len(of_far.index) or not len(of_near.index):
+        return np.empty((0, 2), np.intp)
+    far = np.flatnonzero(of_far.index >= 0)
+    near = of_far.index[far]
+    mutual = of_near.index[near] == far
+    far, near = far[mutual], near[mutual]
+    second = np.minimum(of_far.second[far], of_near.second[near])
+    passed = of_far.distance[far] < ratio**2 * second
+    return np.column_stack([far[passed], near[passed]])
+
+
+def _match_by_ratio(
+    far: Keypoints, near: Keypoints, ratio: float, fginn_radius: float | None
+) -> IndexPairs:
+    pairs = match_mnn(far, near)
+    far_index, near_index = pairs.T
+    distance = _squared_distances(far, near, pairs)
+    passed = np.ones(len(pairs), np.bool_)
+    for own, other, own_index, other_index in (
+        (far, near, far_index, near_index),
+        (near, far, near_index, far_index),
+    ):
+        second = -second_similarity(
+            own.descriptors[own_index],
+            other.descriptors,
+            other_index,
+            negative_squared_distance,
+            None if fginn_radius is None else other.xy,
+            fginn_radius or 0.0,
+        )
+        passed &= distance < ratio**2 * second
+    return pairs[passed]
+
+
+def _squared_distances(far: Keypoints, near: Keypoints, pairs: IndexPairs) -> NDArray[np.float32]:
+    """Return the (K,) squared Euclidean distances of the descriptors of K matches."""
+    difference = far.descriptors[pairs[:, 0]] - near.descriptors[pairs[:, 1]]
+    return np.asarray(np.square(difference).sum(axis=1))
+
+
+def _blocks(rows: int, columns: int, values: int) -> Iterator[slice]:
+    """Divide the rows of a matrix so that a block has at most this many values, or one row."""
+    step = max(1, values // max(1, columns))
+    for start in range(0, rows, step):
+        yield slice(start, min(start + step, rows))
+
+
 class _Neighbourhoods:
-    """Which points lie around others, by bisection of their x."""
+    """Finds the points around a point, by bisection of the sorted x."""
 
     def __init__(self, xy: Coordinates, radius: float) -> None:
         self._xy, self._radius = xy, radius
@@ -92,9 +347,15 @@ class _Neighbourhoods:
         self._sorted_x = xy[self._order, 0]
 
     def around(self, index: int) -> NDArray[np.intp]:
-        """The points within the radius of a point, in x and in y, itself included."""
+        """Return the indices of the points within the radius in x and in y, `index` included."""
         x, y = self._xy[index]
         first, last = np.searchsorted(self._sorted_x, [x - self._radius, x + self._radius])
         strip = self._order[first:last]
         close: NDArray[np.intp] = strip[np.abs(self._xy[strip, 1] - y) <= self._radius]
         return close
+
+
+def _inside(xy: Coordinates, box: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the indices of the points on the pixels of a box."""
+    low = box[:2] - 0.5
+    return np.flatnonzero(((xy >= low) & (xy < low + box[2:])).all(axis=1))

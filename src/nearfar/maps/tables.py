@@ -10,7 +10,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
-from nearfar.features.keypoints import Keypoints, keypoints_of, rooted, sift
+from nearfar.features.detection import detect, root_sift, sift
+from nearfar.features.keypoints import Keypoints
 from nearfar.imaging.tiles import Tile
 from nearfar.maps.database import connect
 from nearfar.maps.landmarks import DIMENSIONS, Landmarks
@@ -194,21 +195,25 @@ MOST = 4000
 _RECORD = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("size", "<f4"), ("angle", "<f4"), ("vector", "u1", 128)]
 )
-"""SIFT's own values, which are lossless so; 144 bytes."""
+"""SIFT's own values without loss, 144 bytes: diameter in pixels, angle in degrees."""
 
 
 def packed_keypoints(pixels: RGBPixels) -> bytes:
     """The keypoints of an image that the method `adaptive` would find, at most `MOST`."""
-    table, vectors = keypoints_of(pixels, sift(CONTRAST, MOST))
-    records = np.empty(len(table), _RECORD)
-    for column, name in enumerate(("x", "y", "size", "angle")):
-        records[name] = table[:, column]
-    records["vector"] = vectors
+    found = detect(pixels, sift(CONTRAST, MOST))
+    records = np.empty(len(found), _RECORD)
+    records["x"], records["y"] = found.xy.T
+    records["size"], records["angle"] = found.scale, np.degrees(found.angle)
+    records["vector"] = found.descriptors
     return records.tobytes()
 
 
 def unpacked_keypoints(blob: bytes) -> Keypoints:
-    """The keypoints of `packed_keypoints`."""
+    """Return the keypoints of `packed_keypoints`, described by RootSIFT; their scores are 0."""
     records = np.frombuffer(blob, _RECORD)
-    columns = [records[name].astype(np.float64) for name in ("x", "y", "size", "angle")]
-    return rooted(np.column_stack(columns), records["vector"].astype(np.float32))
+    x, y, size, angle = (records[name].astype(np.float64) for name in ("x", "y", "size", "angle"))
+    return root_sift(
+        Keypoints.of(
+            np.column_stack([x, y]), records["vector"], scale=size, angle=np.radians(angle)
+        )
+    )

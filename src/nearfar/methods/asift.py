@@ -1,16 +1,12 @@
 """A peer: SIFT on simulated views of both images."""
 
 import cv2
+import numpy as np
 
 from nearfar.arrays import IndexPairs, RGBPixels
-from nearfar.features.keypoints import (
-    Points,
-    detect,
-    match_points_by_ratio,
-    one_match_per_cell,
-    root_sift,
-    sift,
-)
+from nearfar.features.detection import detect, root_sift, sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_fginn, one_match_per_cell
 from nearfar.methods import METHODS
 from nearfar.methods.points import PointMethod, tuned_estimator
 from nearfar.settings import Settings
@@ -18,7 +14,7 @@ from nearfar.settings import Settings
 POINTS_PER_VIEW = 500
 """Each of the 43 views gives at most so many, those of the highest contrast: bounds the time."""
 RATIO = 0.85
-APART = 10.0
+FGINN_RADIUS = 10.0
 """Points this close together, in pixels, are one point seen in several views."""
 CELL = 2.0
 """Side of the cells of which each gives one match, in pixels."""
@@ -36,15 +32,13 @@ class Asift(PointMethod):
         super().__init__(_detect, _match, tuned_estimator(settings))
 
 
-def _detect(pixels: RGBPixels) -> Points:
+def _detect(pixels: RGBPixels) -> Keypoints:
     points = root_sift(detect(pixels, cv2.AffineFeature_create(sift(most=POINTS_PER_VIEW))))
     height, width = pixels.shape[:2]
-    inside = (points.xy >= -0.5).all(axis=1) & (points.xy <= [width - 0.5, height - 0.5]).all(
-        axis=1
-    )
-    return Points(points.xy[inside], points.vectors[inside])
+    inside = np.all((points.xy >= -0.5) & (points.xy <= [width - 0.5, height - 0.5]), axis=1)
+    return points[inside]
 
 
-def _match(far: Points, near: Points) -> IndexPairs:
-    pairs = match_points_by_ratio(far, near, RATIO, apart=APART)
+def _match(far: Keypoints, near: Keypoints) -> IndexPairs:
+    pairs = match_fginn(far, near, RATIO, FGINN_RADIUS)
     return one_match_per_cell(far, near, pairs, CELL)

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.estimators import ESTIMATORS, Estimator
-from nearfar.features.keypoints import Points, detect_sift, match_points_in_boxes
+from nearfar.features.detection import detect_sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_mnn_in_boxes
 from nearfar.landmarks.landmarks import (
     LandmarkDetector,
     LandmarkLayers,
@@ -26,7 +28,7 @@ class PaperFeatures:
     """Landmarks and points of one image."""
 
     landmarks: LandmarkLayers
-    points: Points
+    points: Keypoints
 
     @property
     def nbytes(self) -> int:
@@ -76,10 +78,10 @@ def match_and_estimate(
 
 
 def _matches_in(
-    landmarks: LandmarkMatches, far: Points, near: Points
+    landmarks: LandmarkMatches, far: Keypoints, near: Keypoints
 ) -> tuple[Coordinates, Coordinates]:
     """(N, 2) matched far and near points inside matched landmarks, or the landmarks' centres."""
-    pairs = match_points_in_boxes(far, near, landmarks.far_boxes, landmarks.near_boxes)
+    pairs = match_mnn_in_boxes(far, near, landmarks.far_boxes, landmarks.near_boxes)
     if len(pairs) < LEAST_POINT_MATCHES:
         return centres(landmarks.far_boxes), centres(landmarks.near_boxes)
     return far.xy[pairs[:, 0]], near.xy[pairs[:, 1]]

@@ -8,14 +8,9 @@ import cv2
 
 from nearfar.arrays import IndexPairs, RGBPixels
 from nearfar.estimators import ESTIMATORS, Estimator
-from nearfar.features.keypoints import (
-    Points,
-    detect,
-    detect_sift,
-    match_points,
-    match_points_by_ratio,
-    root_sift,
-)
+from nearfar.features.detection import detect, detect_sift, root_sift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_mnn, match_snn
 from nearfar.methods import METHODS
 from nearfar.models import Answer, Task
 from nearfar.runtime.timing import StageTimer
@@ -48,20 +43,20 @@ class PointMethod:
 
     def __init__(
         self,
-        detect: Callable[[RGBPixels], Points],
-        match: Callable[[Points, Points], IndexPairs],
+        detect: Callable[[RGBPixels], Keypoints],
+        match: Callable[[Keypoints, Keypoints], IndexPairs],
         estimator: Estimator,
     ) -> None:
         self._detect = detect
         self._match = match
         self._estimator = estimator
 
-    def extract(self, pixels: RGBPixels, timer: StageTimer) -> Points:
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> Keypoints:
         """See `Method.extract`."""
         with timer.stage("points"):
             return self._detect(pixels)
 
-    def localize(self, far: Points, near: Points, task: Task, timer: StageTimer) -> Answer:
+    def localize(self, far: Keypoints, near: Keypoints, task: Task, timer: StageTimer) -> Answer:
         """See `Method.localize`."""
         with timer.stage("point matching"):
             far_index, near_index = self._match(far, near).T
@@ -86,7 +81,7 @@ class Sift(PointMethod):
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         estimator = ESTIMATORS.create(settings.estimator, settings)
-        super().__init__(detect_sift, match_points, estimator)
+        super().__init__(detect_sift, match_mnn, estimator)
 
 
 @METHODS.register("sift-ratio")
@@ -95,7 +90,7 @@ class SiftRatio(PointMethod):
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         estimator = ESTIMATORS.create(settings.estimator, settings)
-        match = partial(match_points_by_ratio, ratio=RATIO)
+        match = partial(match_snn, ratio=RATIO)
         super().__init__(lambda pixels: root_sift(detect_sift(pixels)), match, estimator)
 
 
@@ -106,7 +101,7 @@ class SiftTuned(PointMethod):
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         super().__init__(
             lambda pixels: root_sift(detect_sift(pixels, TUNED_CONTRAST)),
-            partial(match_points_by_ratio, ratio=TUNED_RATIO),
+            partial(match_snn, ratio=TUNED_RATIO),
             tuned_estimator(settings),
         )
 
@@ -118,7 +113,7 @@ class Akaze(PointMethod):
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         super().__init__(
             lambda pixels: detect(pixels, cv2.AKAZE_create()),
-            partial(match_points_by_ratio, ratio=math.sqrt(RATIO)),
+            partial(match_snn, ratio=math.sqrt(RATIO)),
             tuned_estimator(settings),
         )
 
@@ -130,6 +125,6 @@ class Orb(PointMethod):
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         super().__init__(
             lambda pixels: detect(pixels, cv2.ORB_create(nfeatures=MOST_ORB_POINTS)),
-            partial(match_points_by_ratio, ratio=math.sqrt(RATIO)),
+            partial(match_snn, ratio=math.sqrt(RATIO)),
             tuned_estimator(settings),
         )

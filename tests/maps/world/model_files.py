@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.arrays import RGBPixels
-from nearfar.features.keypoints import keypoints_of, sift
+from nearfar.features.detection import detect, sift
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from tests.maps.world.room import CAMERA, SIZE, Pose, Room
 
@@ -27,7 +27,7 @@ def write_model(
     images: list[str] = []
     points: list[str] = []
     for number, (name, (pose, pixels)) in enumerate(views.items(), 1):
-        keypoints = keypoints_of(pixels, sift(0.04, 3000))[0][:, :2].astype(np.float64)
+        keypoints = detect(pixels, sift(0.04, 3000)).xy
         scene = room.points(pose, keypoints, camera)
         x, y, z, w = pose.quaternion * [-1, -1, -1, 1]
         tx, ty, tz = -pose.rotation.T @ pose.centre

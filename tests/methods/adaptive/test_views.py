@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.estimators import ESTIMATORS
-from nearfar.features.keypoints import Points
+from nearfar.features.keypoints import Keypoints
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.simulated_views import (
     ALL_AROUND,
@@ -161,7 +161,7 @@ def test_views_of_both_images_bridge_a_strong_tilt(
 
 
 def test_without_keypoints_there_is_no_hypothesis() -> None:
-    nothing = Points(np.empty((0, 2)), np.empty((0, 128), np.float32))
+    nothing = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
     assert from_views([(nothing, nothing)], MAGSAC) == []
     blank = np.full((60, 80, 3), 90, np.uint8)
     assert from_views([(seen_from_aside(blank, [FRONTAL]),) * 2], MAGSAC) == []

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.nearest import Nearest, nearest_both_ways
+from nearfar.features.matching import Nearest, nearest_neighbours
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.votes import Tentative, hypotheses, local_support, tentative_matches
 from tests.scenes import SIZE
@@ -130,7 +130,7 @@ def test_no_matches_no_hypotheses() -> None:
     nothing = wrong_matches(np.random.default_rng(0), 0)
     assert hypotheses(nothing, 6, "votes") == []
     assert local_support(nothing).shape == (0,)
-    points = Keypoints(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), np.float32))
+    points = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
     assert len(tentative_matches(points, points, Nearest.none(0), Nearest.none(0))) == 0
 
 
@@ -169,10 +169,17 @@ def test_support_does_not_come_from_afar() -> None:
 def test_matches_tell_their_transform() -> None:
     rng = np.random.default_rng(0)
     xy, vectors = rng.uniform(0, SIZE, (50, 2)), rng.random((50, 128)).astype(np.float32)
-    near = Keypoints(xy, rng.uniform(2, 9, 50), rng.uniform(0, 6, 50), vectors)
+    near = Keypoints.of(
+        xy, scale=rng.uniform(2, 9, 50), angle=rng.uniform(0, 6, 50), descriptors=vectors
+    )
     order = rng.permutation(50)
-    far = Keypoints(xy[order] / 3, near.size[order] / 3, near.angle[order] + 0.2, vectors[order])
-    found = tentative_matches(far, near, *nearest_both_ways(far, near))
+    far = Keypoints.of(
+        xy[order] / 3,
+        vectors[order],
+        scale=near.scale[order] / 3,
+        angle=near.angle[order] + 0.2,
+    )
+    found = tentative_matches(far, near, *nearest_neighbours(far, near))
     assert len(found) == 50
     np.testing.assert_allclose(found.near, 3 * found.far)
     np.testing.assert_allclose(found.scale, 1 / 3)
@@ -184,7 +191,7 @@ def test_matches_that_are_not_distinctive_are_left_out() -> None:
     rng = np.random.default_rng(0)
     vectors = np.repeat(rng.random((20, 128)), 2, axis=0).astype(np.float32)
     xy = rng.uniform(0, SIZE, (40, 2))
-    points = Keypoints(xy, np.full(40, 3.0), np.zeros(40), vectors)
+    points = Keypoints.of(xy, vectors, scale=3.0)
     shifted = vectors + np.float32(0.05)
-    others = Keypoints(xy, np.full(40, 3.0), np.zeros(40), shifted)
-    assert len(tentative_matches(points, others, *nearest_both_ways(points, others))) == 0
+    others = Keypoints.of(xy, shifted, scale=3.0)
+    assert len(tentative_matches(points, others, *nearest_neighbours(points, others))) == 0

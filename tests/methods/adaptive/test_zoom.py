@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.features.keypoints import Keypoints, detect_keypoints
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.keypoints import Keypoints
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.zoom import (
     LONGEST_SIDE,
@@ -225,7 +226,7 @@ def test_matches_again_are_right_where_the_hypothesis_is_a_little_wrong(
         truth = similarity(1, np.pi / 2, far.shape[0] - 1, 0) @ truth
         far = np.ascontiguousarray(np.rot90(far, -1))
     wrong = perturbed(truth, near)
-    far_points, near_points = (detect_keypoints(each, 0.02) for each in (far, near))
+    far_points, near_points = (detect_rootsift(each, 0.02) for each in (far, near))
     matched = matched_again(far_points, near_points, wrong, 0.12)
     assert len(matched.far) > 40
     assert (errors(matched, truth) < 1).mean() > 0.8
@@ -250,6 +251,6 @@ def test_nothing_matches_nothing() -> None:
     found = region(grey(400, 600), grey(300, 300), similarity(0.3, 0, 100, 100))
     assert found is not None
     assert len(found.matches(0.1).far) == 0
-    none = Keypoints(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), np.float32))
+    none = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
     assert matched_again(none, none, np.eye(3), 0.1).far.shape == (0, 2)
     assert Matched.none().far.shape == Matched.none().near.shape == (0, 2)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, RGBPixels, Vectors
 from nearfar.errors import SettingsError
 from nearfar.estimators import Estimator
-from nearfar.features.keypoints import Points, detect_sift
+from nearfar.features.detection import detect_sift
+from nearfar.features.keypoints import Keypoints
 from nearfar.landmarks.landmarks import LandmarkLayers, Landmarks
 from nearfar.methods.paper import PaperFeatures, match_and_estimate
 from nearfar.models import Answer, Task
@@ -183,7 +184,7 @@ class TapFeatures:
             )
             for (network, size), layers in self._layers.items()
         }
-        self._images = _Recent[tuple[Boxes, Points]](MOST_KEPT, lambda _: 1)
+        self._images = _Recent[tuple[Boxes, Keypoints]](MOST_KEPT, lambda _: 1)
         self._vectors = _Recent[VectorFile](disk_bytes, lambda vectors: vectors.nbytes)
 
     def extract(self, pixels: RGBPixels, taps: Sequence[Tap], timer: StageTimer) -> PaperFeatures:
@@ -199,7 +200,7 @@ class TapFeatures:
             layers.append(Landmarks(boxes, vectors.vectors(output)))
         return PaperFeatures(LandmarkLayers(tuple(layers)), points)
 
-    def _detect(self, pixels: RGBPixels, timer: StageTimer) -> tuple[Boxes, Points]:
+    def _detect(self, pixels: RGBPixels, timer: StageTimer) -> tuple[Boxes, Keypoints]:
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("points"):

@@ -12,8 +12,9 @@ from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import SettingsError
 from nearfar.estimators import ESTIMATORS
-from nearfar.features.keypoints import Keypoints, Points, detect_keypoints
-from nearfar.features.nearest import Nearest, nearest_both_ways
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import Nearest, nearest_neighbours
 from nearfar.geometry.homography import outline, transform
 from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.methods import METHODS
@@ -125,7 +126,7 @@ class Adaptive:
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> AdaptiveFeatures:
         """See `Method.extract`."""
         with timer.stage("points"):
-            return AdaptiveFeatures(pixels, detect_keypoints(pixels, CONTRAST))
+            return AdaptiveFeatures(pixels, detect_rootsift(pixels, CONTRAST))
 
     def localize(
         self, far: AdaptiveFeatures, near: AdaptiveFeatures, task: Task, timer: StageTimer
@@ -133,7 +134,7 @@ class Adaptive:
         """See `Method.localize`."""
         deadline = time.perf_counter() + self._settings.budget
         with timer.stage("point matching"):
-            nearest = nearest_both_ways(far.keypoints, near.keypoints)
+            nearest = nearest_neighbours(far.keypoints, near.keypoints)
             points = Matched.of(far.keypoints, near.keypoints, nearest, RATIO)
         pair = _Pair(far, near, task, timer, nearest, deadline)
         best = self._attempt(pair, [points], "points")
@@ -258,7 +259,7 @@ class Adaptive:
             both = [*sought, *smallest]
             affine = align(far.pixels, near.pixels, both, self._descriptor, features)
         yield affine[:ALIGNED]
-        seen: list[tuple[Points, Points]] = []
+        seen: list[tuple[Keypoints, Keypoints]] = []
         for views in ALL_AROUND:
             with timer.stage("views"):
                 aside = seen_from_aside(far.pixels, views), seen_from_aside(near.pixels, views)

@@ -2,19 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.estimators import Estimator
-from nearfar.features.keypoints import (
-    Points,
-    detect_keypoints,
-    match_points_by_ratio,
-    one_match_per_cell,
-)
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import match_fginn, one_match_per_cell
 from nearfar.geometry.homography import outline, transform, translation
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.zoom import inside, scaled
@@ -55,7 +52,7 @@ CONTRAST = 0.02
 POINTS_PER_VIEW = 800
 """Keypoints of a view, those of the highest contrast."""
 RATIO = 0.85
-APART = 10.0
+FGINN_RADIUS = 10.0
 """Points this close together, in pixels, are one point seen in several views."""
 CELL = 2.0
 """Side of the cells of which each gives one match, in pixels."""
@@ -100,33 +97,31 @@ def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
     return np.asarray(cv2.filter2D(pixels, -1, kernel / kernel.sum()))
 
 
-def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Points:
+def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Keypoints:
     """The keypoints of all views of an image together, at their places in the image itself."""
     small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
-    places: list[Coordinates] = []
-    vectors = []
+    found = []
     for view in views:
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
-        points = detect_keypoints(seen, CONTRAST, POINTS_PER_VIEW)
+        points = detect_rootsift(seen, CONTRAST, POINTS_PER_VIEW)
         points = inside(points, view_from_image, pixels)
-        places.append(transform(np.linalg.inv(view_from_image), points.xy))
-        vectors.append(points.vectors)
-    return Points(np.vstack(places), np.vstack(vectors))
+        places = transform(np.linalg.inv(view_from_image), points.xy)
+        found.append(replace(points, xy=places))
+    return Keypoints.concatenated(found)
 
 
-def from_views(seen: Sequence[tuple[Points, Points]], estimator: Estimator) -> list[Hypothesis]:
+def from_views(
+    seen: Sequence[tuple[Keypoints, Keypoints]], estimator: Estimator
+) -> list[Hypothesis]:
     """The homography that most matches between views of both images agree on.
 
     Args:
         seen: keypoints of views of the far and of the near image, of one set of views or several.
         estimator: of the homography.
     """
-    far, near = (
-        Points(np.vstack([each.xy for each in side]), np.vstack([each.vectors for each in side]))
-        for side in zip(*seen, strict=True)
-    )
-    pairs = match_points_by_ratio(far, near, RATIO, apart=APART)
+    far, near = (Keypoints.concatenated(side) for side in zip(*seen, strict=True))
+    pairs = match_fginn(far, near, RATIO, FGINN_RADIUS)
     pairs = one_match_per_cell(far, near, pairs, CELL)
     fitted = estimator.estimate(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], Task("homography"))
     if fitted.far_from_near is None:

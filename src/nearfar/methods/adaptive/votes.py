@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, IndexPairs, Mask
-from nearfar.features.keypoints import Keypoints, first_of_each_cell
-from nearfar.features.nearest import Nearest
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import Nearest, first_of_each_cell
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 
 MOST_MATCHES = 3000
@@ -97,7 +97,7 @@ def matches_of(
 ) -> Tentative:
     """(M, 2) pairs of keypoints with (M,) weights as matches with their transforms."""
     i, j = pairs.T
-    scale, angle = far.size[i] / near.size[j], far.angle[i] - near.angle[j]
+    scale, angle = far.scale[i] / near.scale[j], far.angle[i] - near.angle[j]
     return Tentative(far.xy[i], near.xy[j], scale, angle, weight)
 
 

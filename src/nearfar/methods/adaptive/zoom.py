@@ -1,19 +1,16 @@
 """Zoom: the regions that a hypothesis says are the same, at the same scale, matched again."""
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.features.keypoints import Keypoints, detect_keypoints
-from nearfar.features.nearest import (
-    Gate,
-    Nearest,
-    mutual_by_ratio,
-    nearest_within,
-)
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.guided import Gate, nearest_within
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import Nearest, mutual_by_ratio
 from nearfar.geometry.homography import scaling, transform, translation
 from nearfar.methods.adaptive.votes import Tentative, matches_of
 
@@ -106,7 +103,7 @@ class Region:
         """Keypoints of the far image in the frame."""
         seen = warped(self.far_pixels, self.frame_from_far, self.size)
         return inside(
-            detect_keypoints(seen, CONTRAST, MOST_POINTS), self.frame_from_far, self.far_pixels
+            detect_rootsift(seen, CONTRAST, MOST_POINTS), self.frame_from_far, self.far_pixels
         )
 
     @functools.cached_property
@@ -120,7 +117,7 @@ class Region:
         Args:
             reach: how far from the expected place, as a share of the frame's diagonal.
         """
-        near = detect_keypoints(self.near_seen, CONTRAST, MOST_POINTS)
+        near = detect_rootsift(self.near_seen, CONTRAST, MOST_POINTS)
         near = inside(near, self.frame_from_near, self.near_pixels)
         radius = max(reach * float(np.hypot(*self.size)), LEAST_RADIUS)
         gate = Gate(radius, SIZE_TOLERANCE, ANGLE_TOLERANCE)
@@ -183,7 +180,7 @@ def matched_again(far: Keypoints, near: Keypoints, far_from_near: Matrix3, reach
     xy = transform(far_from_near, near.xy)
     extent = float(np.hypot(*np.ptp(xy, axis=0))) if len(xy) else 0.0
     radius = max(reach * extent, LEAST_RADIUS)
-    moved = Keypoints(xy, scale * near.size, near.angle + turn, near.vectors)
+    moved = replace(near, xy=xy, scale=scale * near.scale, angle=near.angle + turn)
     gate = Gate(radius, SIZE_TOLERANCE, ANGLE_TOLERANCE)
     found = Matched.of(far, moved, nearest_within(far, moved, gate), RATIO)
     own = transform(np.linalg.inv(far_from_near), found.near)
