@@ -84,8 +84,8 @@ def through_scheduler(images: list[Path], scratch: Path) -> dict[str, int]:
             return await gather(*given, **named)
 
         handlers["gather"] = counted
-        town = open_map(scratch / "map", create=True)
-        added = town.add(images, scheduler=started.scheduler_address)
+        map_ = open_map(scratch / "map", create=True)
+        added = map_.add(images, scheduler=started.scheduler_address)
     return {"images": added.added, "results through the scheduler": passed}
 
 

@@ -66,9 +66,9 @@ def middle_of(photograph: Path, folder: Path) -> Path:
     return file
 
 
-def answers(town: Map, queries: Sequence[Path]) -> list[dict[str, Any]]:
+def answers(map_: Map, queries: Sequence[Path]) -> list[dict[str, Any]]:
     """What the map answers, without times."""
-    found = [town.locate(query).to_dict() for query in queries]
+    found = [map_.locate(query).to_dict() for query in queries]
     for each in found:
         del each["seconds"]
     return found
@@ -103,9 +103,9 @@ def main() -> None:
         killed(folder, photographs, after)
         left = images_left(folder)
         seconds_to_build(folder, photographs)
-        town = open_map(folder)
-        problems = [str(problem) for problem in town.problems()]
-        equal = not problems and answers(town, queries) == expected
+        map_ = open_map(folder)
+        problems = [str(problem) for problem in map_.check()]
+        equal = not problems and answers(map_, queries) == expected
         same += equal
         row = {"kill": kill, "after": after, "left": left, "problems": problems, "same": equal}
         print(json.dumps(row), flush=True)

@@ -48,11 +48,11 @@ def made(folder: Path, known: list[Drive], every: int) -> Map:
     """The map."""
     if Map.exists(folder):
         return open_map(folder)
-    town = open_map(folder, create=True)
+    map_ = open_map(folder, create=True)
     for drive in known:
-        town.add(drive.frames[::every])
-        town.add_poses(drive.poses, drive.camera, drive.frames[::every])
-    return town
+        map_.add(drive.frames[::every])
+        map_.add_poses(drive.poses, drive.camera, drive.frames[::every])
+    return map_
 
 
 def result(query: Path, drive: Drive, found: MapLocalization) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def main() -> None:
     parser.add_argument("--queries", type=int, default=40)
     asked = parser.parse_args()
     known = list(drives(asked.kitti))
-    town = made(asked.map, known, asked.every)
+    map_ = made(asked.map, known, asked.every)
     others = [
         (frame, drive)
         for drive in known
@@ -91,7 +91,7 @@ def main() -> None:
     chosen = np.linspace(0, len(others) - 1, asked.queries).astype(int)
     rows = []
     for query, drive in (others[index] for index in chosen):
-        rows.append(result(query, drive, town.locate(query, intrinsics=drive.camera)))
+        rows.append(result(query, drive, map_.locate(query, intrinsics=drive.camera)))
         print(json.dumps(rows[-1]), flush=True)
     near = sum(row.get("apart", np.inf) <= NEAR for row in rows)
     errors = [row["error"] for row in rows if "error" in row]

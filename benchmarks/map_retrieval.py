@@ -30,7 +30,7 @@ from nearfar.maps import DEFAULTS
 from nearfar.maps.answers import MapAnswer, MapLocalization
 from nearfar.maps.files import name_of
 from nearfar.maps.locate import MapLocator
-from nearfar.maps.map import TOP, VERIFY
+from nearfar.maps.map import CANDIDATES, TOP
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
 from nearfar.storage.rows import Row, RowFile, read_rows
@@ -124,7 +124,7 @@ def by_map(folder: Path, judge: Judge) -> Answer:
     def answer(case: Case) -> Row:
         locator = MapLocator(StoreWithout(folder, judge.left_out(case)), DEFAULTS)
         start = time.process_time()
-        found = locator.locate(case.near, TOP, VERIFY)
+        found = locator.locate(case.near, TOP, CANDIDATES)
         by_votes = sorted(found.candidates, key=lambda each: -each.votes)
         return {
             "rank": judge.rank(case, [each.image for each in by_votes]),

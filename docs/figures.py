@@ -85,10 +85,10 @@ class Attempts:
 
     rows: list[str] = field(default_factory=list)
 
-    def entered(self, stage: str) -> None:
+    def on_stage(self, stage: str) -> None:
         """Stages are not told."""
 
-    def tried(
+    def on_attempt(
         self,
         step: str,
         far: Coordinates,
@@ -201,9 +201,9 @@ def draw_map() -> None:
         save_small(scene.far, photos / "wall.png")
         for file, each in whole.items():
             save_small(each.photograph(), photos / f"{Path(file).stem}.png")
-        town = nearfar.open_map(Path(folder) / "map", create=True)
-        town.add([photos])
-        answer = town.locate(scene.near).answers[0]
+        map_ = nearfar.open_map(Path(folder) / "map", create=True)
+        map_.add([photos])
+        answer = map_.locate(scene.near).answers[0]
     save_page(answer.picture(), "map-answer")
 
 

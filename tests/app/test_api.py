@@ -318,10 +318,10 @@ def test_a_map_that_names_files_outside_the_served_folders_is_refused(
     from nearfar import open_map
 
     Image.fromarray(known_pair.near).save(tmp_path / "secret.png")
-    town = server.folders[0] / "outside"
-    open_map(town, create=True).add([tmp_path / "secret.png"])
+    map_ = server.folders[0] / "outside"
+    open_map(map_, create=True).add([tmp_path / "secret.png"])
     query = server.send(tmp_path / "secret.png")
-    request = {"kind": "locate", "folder": server.ref(town), "query": query}
+    request = {"kind": "locate", "folder": server.ref(map_), "query": query}
     job = ended(server, server.post("/api/jobs", request))
     assert job["status"] == "failed"
     assert "outside the folders" in job["error"]

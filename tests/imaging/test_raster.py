@@ -151,9 +151,9 @@ import resource, sys
 from pathlib import Path
 from nearfar import open_map
 
-town = open_map(Path(sys.argv[1]) / "map", create=True, max_size=1600)
+map_ = open_map(Path(sys.argv[1]) / "map", create=True, max_size=1600)
 for name in ("small", "large"):
-    assert town.add([Path(sys.argv[1]) / f"{name}.tif"]).added == 1
+    assert map_.add([Path(sys.argv[1]) / f"{name}.tif"]).added == 1
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 """
 

@@ -77,7 +77,7 @@ def small_town(
 
 
 @pytest.fixture(scope="session")
-def town(pictures: Callable[[str], RGBPixels], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def map_(pictures: Callable[[str], RGBPixels], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of eight photographs, which tests must not change."""
     folder = tmp_path_factory.mktemp("town")
     for name in NAMES:

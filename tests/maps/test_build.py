@@ -22,74 +22,74 @@ Pictures = Callable[[str], RGBPixels]
 def test_unchanged_images_are_skipped_and_changed_ones_replaced(
     photos: Path, pictures: Pictures
 ) -> None:
-    town = open_map(photos.parent / "map", create=True)
-    first = town.add([photos])
+    map_ = open_map(photos.parent / "map", create=True)
+    first = map_.add([photos])
     assert (first.added, first.replaced, first.unchanged, first.failed) == (8, 0, 0, ())
-    before = content(town.folder)
-    again = town.add([photos, photos / "coins.png"])
+    before = content(map_.folder)
+    again = map_.add([photos, photos / "coins.png"])
     assert (again.added, again.replaced, again.unchanged) == (0, 0, 8)
-    assert content(town.folder) == before
+    assert content(map_.folder) == before
     write(photos / "coins.png", pictures("chelsea")[::-1])
-    changed = town.add([photos])
+    changed = map_.add([photos])
     assert (changed.added, changed.replaced, changed.unchanged) == (0, 1, 7)
-    after = content(town.folder)
+    after = content(map_.folder)
     assert {name for name in after if after[name] != before[name]} == {"photos/coins.png"}
-    assert MapStore(town.folder).landmark_count() == sum(each.landmarks for each in town.images)
-    assert town.problems() == []
+    assert MapStore(map_.folder).landmark_count() == sum(each.landmarks for each in map_.images)
+    assert map_.check() == []
 
 
 def test_removing(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.MonkeyPatch) -> None:
-    town = open_map(photos.parent / "map", create=True)
-    town.add([photos / "astronaut.png", photos / "coffee.png", photos / "page.png"])
-    assert town.locate(small_close_up.near).located
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "astronaut.png", photos / "coffee.png", photos / "page.png"])
+    assert map_.locate(small_close_up.near).located
     with pytest.raises(MapError, match="nothing"):
-        town.remove(["photos/coffee.png", "nothing"])
-    assert town.remove([]) == 0
-    assert len(town.images) == 3
+        map_.remove(["photos/coffee.png", "nothing"])
+    assert map_.remove([]) == 0
+    assert len(map_.images) == 3
     monkeypatch.chdir(photos)
-    assert town.remove(["photos/astronaut.png", "page.png"]) == 2
-    assert [image.name for image in town.images] == ["photos/coffee.png"]
-    found = open_map(town.folder, max_effort="points").locate(small_close_up.near)
+    assert map_.remove(["photos/astronaut.png", "page.png"]) == 2
+    assert [image.name for image in map_.images] == ["photos/coffee.png"]
+    found = open_map(map_.folder, max_effort="points").locate(small_close_up.near)
     assert {candidate.image for candidate in found.candidates} == {"photos/coffee.png"}
-    assert town.problems() == []
+    assert map_.check() == []
 
 
 def test_an_image_that_cannot_be_read_is_recorded(photos: Path, pictures: Pictures) -> None:
     broken = photos / "broken.jpg"
     broken.write_bytes(b"\xff\xd8 no image")
-    town = open_map(photos.parent / "map", create=True)
-    added = town.add([photos / "coffee.png", broken])
+    map_ = open_map(photos.parent / "map", create=True)
+    added = map_.add([photos / "coffee.png", broken])
     assert (added.added, [name for name, _ in added.failed]) == (1, ["photos/broken.jpg"])
-    (image,) = [each for each in town.images if not each.usable]
+    (image,) = [each for each in map_.images if not each.usable]
     assert (image.name, image.landmarks) == ("photos/broken.jpg", 0)
     assert str(photos) not in image.status
-    assert [problem.image for problem in town.problems()] == ["photos/broken.jpg"]
+    assert [problem.image for problem in map_.check()] == ["photos/broken.jpg"]
     write(photos / "good.png", pictures("coins")).rename(broken)
-    assert town.add([photos / "coffee.png", broken]).replaced == 1
-    assert all(each.usable for each in town.images)
+    assert map_.add([photos / "coffee.png", broken]).replaced == 1
+    assert all(each.usable for each in map_.images)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
 def test_a_name_that_is_no_text_is_left_out(photos: Path) -> None:
     os.link(photos / "coins.png", os.fsencode(photos) + b"/\xff.png")
-    town = open_map(photos.parent / "map", create=True)
-    added = town.add([photos / "page.png", photos / os.fsdecode(b"\xff.png")])
+    map_ = open_map(photos.parent / "map", create=True)
+    added = map_.add([photos / "page.png", photos / os.fsdecode(b"\xff.png")])
     assert (added.added, added.unchanged) == (1, 0)
     assert added.failed == (("photos/\udcff.png", "its name is not UTF-8: rename it"),)
-    assert [image.name for image in town.images] == ["photos/page.png"]
+    assert [image.name for image in map_.images] == ["photos/page.png"]
 
 
 def test_files_that_vanish_or_change_are_told(
     photos: Path, small_close_up: KnownPair, pictures: Pictures
 ) -> None:
-    town = open_map(photos.parent / "map", create=True)
-    town.add([photos / "astronaut.png", photos / "coffee.png"])
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "astronaut.png", photos / "coffee.png"])
     (photos / "astronaut.png").unlink()
     write(photos / "coffee.png", pictures("coins"))
-    said = {problem.image: problem.what for problem in town.problems()}
+    said = {problem.image: problem.what for problem in map_.check()}
     assert "missing" in said["photos/astronaut.png"]
     assert "changed" in said["photos/coffee.png"]
-    found = town.locate(small_close_up.near)
+    found = map_.locate(small_close_up.near)
     assert not found.located
     assert found.candidates[0].reason is not None
     assert "missing or has changed" in found.candidates[0].reason
@@ -98,8 +98,8 @@ def test_files_that_vanish_or_change_are_told(
 def test_a_map_may_be_moved_with_its_images(
     photos: Path, small_close_up: KnownPair, tmp_path: Path
 ) -> None:
-    town = open_map(photos.parent / "map", create=True)
-    town.add([photos / "astronaut.png"])
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "astronaut.png"])
     moved = tmp_path / "else where é"
     moved.mkdir()
     photos.rename(moved / "photos")
@@ -136,7 +136,7 @@ def test_a_build_that_is_killed_goes_on(photos: Path, small_town: Path, done: in
         assert said == complete[name]
     partly.add([photos])
     assert content(folder) == complete
-    assert partly.problems() == []
+    assert partly.check() == []
 
 
 def test_what_a_killed_writer_left_is_ignored_and_removed(small_town: Path, photos: Path) -> None:
@@ -149,9 +149,9 @@ def test_what_a_killed_writer_left_is_ignored_and_removed(small_town: Path, phot
     tables._images.delete(f"id = {coins.id}")
     left = open_map(folder)
     assert len(left.images) == 7
-    assert any(problem.image is None for problem in left.problems())
+    assert any(problem.image is None for problem in left.check())
     left.compact()
-    assert left.problems() == []
+    assert left.check() == []
     assert MapStore(folder).landmark_count() == sum(each.landmarks for each in left.images)
     left.add([photos])
     assert content(folder) == content(small_town)
@@ -167,7 +167,7 @@ def test_what_is_left_of_an_image_that_had_failed_before_is_removed_as_well(
     coins = next(each for each in tables.images() if each.name.endswith("coins.png"))
     tables._images.update(where=f"id = {coins.id}", values={"status": "too large"})
     left = open_map(folder)
-    assert any(problem.image is None for problem in left.problems())
+    assert any(problem.image is None for problem in left.check())
     left.add([photos])
     assert content(folder) == content(small_town)
 
@@ -175,18 +175,18 @@ def test_what_is_left_of_an_image_that_had_failed_before_is_removed_as_well(
 def test_a_second_writer_is_refused_and_readers_are_not(
     photos: Path, small_close_up: KnownPair
 ) -> None:
-    town = open_map(photos.parent / "map", create=True)
-    town.add([photos / "astronaut.png"])
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "astronaut.png"])
     with FileLock(photos.parent / "map" / "writer.lock"):
         for change in (
-            lambda: town.add([photos]),
-            lambda: town.remove(["photos/astronaut.png"]),
-            town.compact,
+            lambda: map_.add([photos]),
+            lambda: map_.remove(["photos/astronaut.png"]),
+            map_.compact,
         ):
             with pytest.raises(MapError, match="another process"):
                 change()
-        assert open_map(town.folder).locate(small_close_up.near).located
-    assert town.add([photos / "coffee.png"]).added == 1
+        assert open_map(map_.folder).locate(small_close_up.near).located
+    assert map_.add([photos / "coffee.png"]).added == 1
 
 
 def test_a_reader_sees_the_map_as_it_was_opened(photos: Path, small_close_up: KnownPair) -> None:
@@ -201,21 +201,21 @@ def test_a_reader_sees_the_map_as_it_was_opened(photos: Path, small_close_up: Kn
 
 
 def test_a_map_made_otherwise_is_refused(
-    town: Path, tmp_path: Path, close_up: KnownPair, monkeypatch: pytest.MonkeyPatch
+    map_: Path, tmp_path: Path, close_up: KnownPair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(manifest, "landmark_network", lambda _: b"another")
     with pytest.raises(MapError, match="descriptor model"):
-        open_map(town).locate(close_up.near)
+        open_map(map_).locate(close_up.near)
     with pytest.raises(MapError, match="descriptor model"):
-        open_map(town).add([tmp_path])
+        open_map(map_).add([tmp_path])
     monkeypatch.undo()
     with pytest.raises(MapError, match="max_size of 0, not 900"):
-        open_map(town, create=True, max_size=900)
+        open_map(map_, create=True, max_size=900)
     with pytest.raises(SettingsError, match="adaptive"):
-        open_map(town, method="sift")
+        open_map(map_, method="sift")
     monkeypatch.setattr(manifest, "FORMAT", 3)
     with pytest.raises(MapError, match="format 2.*nearfar map upgrade"):
-        open_map(town)
+        open_map(map_)
     monkeypatch.setattr(manifest, "FORMAT", 1)
     with pytest.raises(MapError, match="format 2.*reads and writes 1"):
-        open_map(town)
+        open_map(map_)

@@ -37,25 +37,25 @@ def test_from_images_to_a_location(
 
     write(photos / "astronaut.png", close_up.far)
     (photos / "broken.png").write_bytes(b"broken")
-    town, out = tmp_path / "town map", tmp_path / "out"
-    built = nearfar("map", "build", photos / "astronaut.png", photos / "broken.png", "--out", town)
+    map_, out = tmp_path / "town map", tmp_path / "out"
+    built = nearfar("map", "build", photos / "astronaut.png", photos / "broken.png", "--out", map_)
     assert built.returncode == 0, built.stderr
     assert "1 added, 0 replaced, 0 unchanged, 1 left out" in built.stdout
     assert "photos/broken.png" in built.stdout
     assert built.stderr == ""
-    assert "2 added" in said("add", town, photos / "coffee.png", photos / "coins.png")
-    assert said("remove", town, "photos/broken.png", photos / "coins.png") == "2 removed\n"
-    assert said("verify", town) == "2 images, no problem\n"
-    assert "photos/astronaut.png: confidence" in said("locate", town, queries[0], "--save", out)
+    assert "2 added" in said("add", map_, photos / "coffee.png", photos / "coins.png")
+    assert said("remove", map_, "photos/broken.png", photos / "coins.png") == "2 removed\n"
+    assert said("check", map_) == "2 images, no problem\n"
+    assert "photos/astronaut.png: confidence" in said("locate", map_, queries[0], "--save", out)
     assert sorted(file.name for file in out.iterdir()) == ["vu é [bold].json", "vu é [bold].png"]
     saved = json.loads((out / "vu é [bold].json").read_text())
     assert close_up.error(np.array(saved["answers"][0]["far_from_near"]["homography"])) < 2
-    assert said("compact", town) == "compacted\n"
+    assert said("compact", map_) == "compacted\n"
 
 
-def test_json_lines_and_nothing_else(town: Path, queries: tuple[Path, Path]) -> None:
+def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> None:
     result = nearfar(
-        "map", "locate", town, *queries, "--json", "--max-effort", "points", "--verify", 2
+        "map", "locate", map_, *queries, "--json", "--max-effort", "points", "--candidates", 2
     )
     assert result.returncode == 3, result.stderr
     assert result.stderr == ""
@@ -77,12 +77,12 @@ def test_json_lines_and_nothing_else(town: Path, queries: tuple[Path, Path]) -> 
     assert set(unknown["candidates"][0]) == {"image", "votes", "confidence", "reason"}
 
 
-def test_info(town: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["map", "info", str(town)]) == 0
+def test_info(map_: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "info", str(map_)]) == 0
     said = capsys.readouterr().out
     assert said.startswith("8 images, ")
     assert "photos/coins.png: 384x303, " in said
-    assert main(["map", "info", str(town), "--json"]) == 0
+    assert main(["map", "info", str(map_), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert (content["format"], content["descriptor"], content["max_size"]) == (2, "nearfar", 0)
     assert len(content["images"]) == 8
@@ -93,29 +93,29 @@ def test_problems_are_told(photos: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert main(["map", "build", str(photos / "coins.png"), "--out", folder]) == 0
     (photos / "coins.png").unlink()
     capsys.readouterr()
-    assert main(["map", "verify", folder]) == 3
+    assert main(["map", "check", folder]) == 3
     assert capsys.readouterr().out == "photos/coins.png: the file is missing\n"
 
 
 def test_one_query_that_cannot_be_read_does_not_stop_the_others(
-    town: Path, queries: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    map_: Path, queries: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     missing = tmp_path / "missing.png"
     options = ["--json", "--max-effort", "points"]
-    assert main(["map", "locate", str(town), str(missing), str(queries[0]), *options]) == 2
+    assert main(["map", "locate", str(map_), str(missing), str(queries[0]), *options]) == 2
     said = capsys.readouterr()
     assert json.loads(said.out)["status"] == "located"
     assert said.err == f"nearfar: {missing} does not exist\n"
 
 
-def test_queries_of_one_name_are_saved_apart(town: Path, tmp_path: Path) -> None:
+def test_queries_of_one_name_are_saved_apart(map_: Path, tmp_path: Path) -> None:
     others = [write(tmp_path / place / "a.png", np.zeros((9, 9, 3), np.uint8)) for place in "bc"]
-    assert main(["map", "locate", str(town), *map(str, others), "--save", str(tmp_path / "o")]) == 3
+    assert main(["map", "locate", str(map_), *map(str, others), "--save", str(tmp_path / "o")]) == 3
     assert sorted(file.name for file in (tmp_path / "o").iterdir()) == ["a-2.json", "a.json"]
 
 
 def test_bad_input(
-    town: Path,
+    map_: Path,
     queries: tuple[Path, Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -123,9 +123,9 @@ def test_bad_input(
     assert_bad_input(nearfar("map", "info", tmp_path / "no map"), "no map", "nearfar map build")
     for arguments, word in (
         (["build", tmp_path / "no", "--out", tmp_path / "m"], "exist"),
-        (["build", queries[0], "--out", town, "--max-size", 500], "max_size"),
-        (["remove", town, "no such image"], "no such image"),
-        (["locate", town, queries[0], "--top", 0], "at least 1"),
+        (["build", queries[0], "--out", map_, "--max-size", 500], "max_size"),
+        (["remove", map_, "no such image"], "no such image"),
+        (["locate", map_, queries[0], "--top", 0], "at least 1"),
     ):
         assert main(["map", *map(str, arguments)]) == 2
         said = capsys.readouterr()
@@ -140,9 +140,9 @@ def test_help(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_without_the_extra_says_what_to_install(
-    town: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    map_: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     monkeypatch.setitem(sys.modules, "lancedb", None)
-    assert main(["map", "info", str(town)]) == 2
+    assert main(["map", "info", str(map_)]) == 2
     assert "pip install 'nearfar[map]'" in capsys.readouterr().err

@@ -24,8 +24,8 @@ from tests.maps.conftest import NAMES, content, write
 Pictures = Callable[[str], RGBPixels]
 
 
-def test_a_close_up_is_located(town: Path, close_up: KnownPair) -> None:
-    found = open_map(town).locate(close_up.near)
+def test_a_close_up_is_located(map_: Path, close_up: KnownPair) -> None:
+    found = open_map(map_).locate(close_up.near)
     assert found.located
     assert found.reason is None
     (answer,) = found.answers
@@ -39,26 +39,26 @@ def test_a_close_up_is_located(town: Path, close_up: KnownPair) -> None:
     assert found.candidates[0].image == answer.image
 
 
-def test_an_unrelated_image_is_not_found(town: Path, pictures: Pictures) -> None:
-    found = open_map(town, max_effort="points").locate(pictures("retina")[300:700, 300:700])
+def test_an_unrelated_image_is_not_found(map_: Path, pictures: Pictures) -> None:
+    found = open_map(map_, max_effort="points").locate(pictures("retina")[300:700, 300:700])
     assert not found.located
     assert found.reason is not None
     assert len(found.candidates) > 5, "five as it is, and more seen from aside"
     assert all(candidate.reason for candidate in found.candidates)
 
 
-def test_nothing_to_see_is_not_found(town: Path) -> None:
+def test_nothing_to_see_is_not_found(map_: Path) -> None:
     for blank in (np.zeros((1, 1, 3), np.uint8), np.full((300, 200, 3), 90, np.uint8)):
-        found = open_map(town).locate(blank)
+        found = open_map(map_).locate(blank)
         assert (found.status, found.candidates) == ("not found", ())
 
 
-def test_a_foreshortened_query_is_located(town: Path, pictures: Pictures) -> None:
+def test_a_foreshortened_query_is_located(map_: Path, pictures: Pictures) -> None:
     """Windows of a map are not tilted, and do not look like what is seen so much from aside."""
     far, shortened = pictures("coffee"), 3.5
     part = far[66:333, 100:500]
     near = cv2.resize(part, None, fx=1 / shortened, fy=1, interpolation=cv2.INTER_AREA)
-    found = open_map(town).locate(near)
+    found = open_map(map_).locate(near)
     (answer,) = found.answers
     assert answer.image == "photos/coffee.png"
     far_from_near = translation(99.5, 65.5) @ scaling(part.shape[1] / near.shape[1], 1)
@@ -73,9 +73,9 @@ def test_an_overview_is_located_by_its_part(tmp_path: Path, pictures: Pictures) 
     write(tmp_path / "part.png", cv2.resize(whole[100:300, 150:400], None, fx=3, fy=3))
     for name in ("coffee", "chelsea"):
         write(tmp_path / f"{name}.png", pictures(name))
-    town = open_map(tmp_path / "map", create=True)
-    town.add(tmp_path.glob("*.png"))
-    (answer,) = town.locate(whole).answers
+    map_ = open_map(tmp_path / "map", create=True)
+    map_.add(tmp_path.glob("*.png"))
+    (answer,) = map_.locate(whole).answers
     assert answer.image == "part.png"
     assert answer.scale_change == pytest.approx(1 / 3, rel=0.05)
     place = transform(np.asarray(answer.far_from_near), np.array([[150, 100], [399, 299.0]]))
@@ -88,24 +88,24 @@ def test_a_part_of_a_large_image(tmp_path: Path, pictures: Pictures) -> None:
     wide = [cv2.resize(pictures(name), (800, 600)) for name in NAMES]
     large = np.vstack([np.hstack(wide[:4]), np.hstack(wide[4:])])
     write(tmp_path / "large.png", large)
-    town = open_map(tmp_path / "map", create=True)
-    assert town.add([tmp_path / "large.png"]).added == 1
-    assert len(MapStore(town.folder).tiles(town.images[0].id)) == 4
+    map_ = open_map(tmp_path / "map", create=True)
+    assert map_.add([tmp_path / "large.png"]).added == 1
+    assert len(MapStore(map_.folder).tiles(map_.images[0].id)) == 4
     query = np.asarray(cv2.resize(large[100:500, 2550:3050], None, fx=1.5, fy=1.5))
-    (answer,) = town.locate(query).answers
+    (answer,) = map_.locate(query).answers
     place = transform(np.asarray(answer.far_from_near), np.array([[0, 0], [749, 599.0]]))
     np.testing.assert_allclose(place, [[2550, 100], [3049, 499]], atol=3)
 
 
 def test_images_may_be_reduced(tmp_path: Path, pictures: Pictures) -> None:
     write(tmp_path / "coffee.png", pictures("coffee"))
-    town = open_map(tmp_path / "map", create=True, max_size=300)
-    town.add(tmp_path / "coffee.png")
-    (image,) = town.images
+    map_ = open_map(tmp_path / "map", create=True, max_size=300)
+    map_.add(tmp_path / "coffee.png")
+    (image,) = map_.images
     assert (image.width, image.height) == (600, 400)
-    (tile,) = MapStore(town.folder).tiles(image.id)
+    (tile,) = MapStore(map_.folder).tiles(image.id)
     assert (tile.width, tile.columns, tile.rows) == (600, 300, 200)
-    (answer,) = town.locate(pictures("coffee")[100:300, 200:500]).answers
+    (answer,) = map_.locate(pictures("coffee")[100:300, 200:500]).answers
     place = transform(np.asarray(answer.far_from_near), np.array([[0, 0.0]]))
     np.testing.assert_allclose(place, [[200, 100]], atol=2)
     with pytest.raises(SettingsError, match="max_size"):
@@ -117,23 +117,23 @@ def test_top_answers(tmp_path: Path, close_up: KnownPair, pictures: Pictures) ->
     write(tmp_path / "a.png", far)
     write(tmp_path / "b.png", np.ascontiguousarray(far[50:400, 100:450]))
     write(tmp_path / "c.png", pictures("coffee"))
-    town = open_map(tmp_path / "map", create=True)
-    town.add([tmp_path])
-    found = town.locate(close_up.near, top=2)
+    map_ = open_map(tmp_path / "map", create=True)
+    map_.add([tmp_path])
+    found = map_.locate(close_up.near, top=2)
     assert {answer.image for answer in found.answers} == {"a.png", "b.png"}
-    assert len(town.locate(close_up.near).answers) == 1
-    assert len(town.locate(close_up.near, verify=1).candidates) == 1
+    assert len(map_.locate(close_up.near).answers) == 1
+    assert len(map_.locate(close_up.near, candidates=1).candidates) == 1
     with pytest.raises(SettingsError, match="at least 1"):
-        town.locate(close_up.near, top=0)
+        map_.locate(close_up.near, top=0)
 
 
-def test_the_same_query_gives_the_same_answer(town: Path, close_up: KnownPair) -> None:
+def test_the_same_query_gives_the_same_answer(map_: Path, close_up: KnownPair) -> None:
     def answer(found: MapLocalization) -> dict[str, object]:
         return {key: value for key, value in found.to_dict().items() if key != "seconds"}
 
-    opened = open_map(town)
+    opened = open_map(map_)
     first, again = (answer(opened.locate(close_up.near)) for _ in range(2))
-    assert first == again == answer(open_map(town).locate(close_up.near))
+    assert first == again == answer(open_map(map_).locate(close_up.near))
 
 
 def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_two_make_a_map_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("nearfar.maps.creation.make_tables", make_slowly)
     with pytest.raises(MapError, match="is a map by now"):
         open_map(tmp_path / "map", create=True)
-    assert open_map(tmp_path / "map").problems() == []
+    assert open_map(tmp_path / "map").check() == []
     assert [file.name for file in tmp_path.iterdir()] == ["map"]
 
 
@@ -173,25 +173,25 @@ def test_jobs_give_the_same_map(photos: Path, small_town: Path) -> None:
     assert content(two.folder) == content(small_town)
 
 
-def unindexed(town: Map) -> int | None:
+def unindexed(map_: Map) -> int | None:
     """Landmarks that an index does not know; None where there is none."""
-    table = lancedb.connect(str(town.folder)).open_table("landmarks")
+    table = lancedb.connect(str(map_.folder)).open_table("landmarks")
     found = [table.index_stats(each.name) for each in table.list_indices()]
     return found[0].num_unindexed_rows if found and found[0] else None
 
 
 def test_an_index(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store, "INDEX_FROM", 1000)
-    town = open_map(photos.parent / "map", create=True)
-    town.add(sorted(photos.iterdir())[1:])
-    assert unindexed(town) == 0
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add(sorted(photos.iterdir())[1:])
+    assert unindexed(map_) == 0
     monkeypatch.setattr(store, "INDEX_FROM", 10)
-    town.add([photos])
-    assert unindexed(town) == 0
-    (answer,) = open_map(town.folder).locate(small_close_up.near).answers
+    map_.add([photos])
+    assert unindexed(map_) == 0
+    (answer,) = open_map(map_.folder).locate(small_close_up.near).answers
     assert answer.image == "photos/astronaut.png"
-    town.remove([image.name for image in town.images if image.name != "photos/astronaut.png"])
-    assert town.compact()
+    map_.remove([image.name for image in map_.images if image.name != "photos/astronaut.png"])
+    assert map_.compact()
 
 
 def test_importing_nearfar_does_not_import_the_store() -> None:
@@ -200,15 +200,15 @@ def test_importing_nearfar_does_not_import_the_store() -> None:
 
 
 def test_without_the_extra_says_what_to_install(
-    town: Path, monkeypatch: pytest.MonkeyPatch
+    map_: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(nearfar.NearfarError, match=r"pip install 'nearfar\[map\]'"):
-        open_map(town)
+        open_map(map_)
 
 
-def test_saving(town: Path, close_up: KnownPair, tmp_path: Path) -> None:
-    files = open_map(town).locate(close_up.near).save(tmp_path / "out", "view")
+def test_saving(map_: Path, close_up: KnownPair, tmp_path: Path) -> None:
+    files = open_map(map_).locate(close_up.near).save(tmp_path / "out", "view")
     assert [file.name for file in files] == ["view.json", "view.png"]
     assert json.loads(files[0].read_text())["status"] == "located"
-    assert isinstance(open_map(town), Map)
+    assert isinstance(open_map(map_), Map)

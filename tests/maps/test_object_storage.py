@@ -31,8 +31,8 @@ def photos_url(photos: Path, bucket: Url) -> Url:
 @pytest.fixture
 def local(photos: Path, photos_url: Url) -> Path:
     """A map of the same photographs in a folder."""
-    town = open_map(photos.parent / "map", create=True)
-    town.add([photos])
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos])
     assert photos_url.is_dir()
     return photos.parent / "map"
 
@@ -44,45 +44,45 @@ def answer(found: MapLocalization) -> dict[str, object]:
 def test_built_added_to_and_queried_as_in_a_folder(
     local: Path, photos_url: Url, bucket: Url, small_close_up: KnownPair
 ) -> None:
-    town = open_map(str(bucket / "map"), create=True)
-    assert town.add([photos_url / f"{name}.png" for name in FIRST]).added == 2
-    assert town.add([photos_url]).added == 2
-    assert town.add([str(photos_url)]).unchanged == 4
-    assert content(town.folder) == content(local)
-    assert town.problems(content=True) == []
+    map_ = open_map(str(bucket / "map"), create=True)
+    assert map_.add([photos_url / f"{name}.png" for name in FIRST]).added == 2
+    assert map_.add([photos_url]).added == 2
+    assert map_.add([str(photos_url)]).unchanged == 4
+    assert content(map_.folder) == content(local)
+    assert map_.check(content=True) == []
     found, same = (open_map(each).locate(small_close_up.near) for each in (bucket / "map", local))
     assert found.located
     assert answer(found) == answer(same)
     (photos_url / "astronaut.png").write_bytes((photos_url / "page.png").read_bytes())
     quick = open_map(bucket / "map", max_effort="points")
-    assert not quick.locate(small_close_up.near, verify=1).located
-    assert [each.image for each in town.problems()] == ["photos/astronaut.png"]
-    assert town.add([photos_url]).replaced == 1
-    assert town.remove(["photos/coins.png"]) == 1
-    town.compact()
-    assert town.problems() == []
+    assert not quick.locate(small_close_up.near, candidates=1).located
+    assert [each.image for each in map_.check()] == ["photos/astronaut.png"]
+    assert map_.add([photos_url]).replaced == 1
+    assert map_.remove(["photos/coins.png"]) == 1
+    map_.compact()
+    assert map_.check() == []
 
 
 def test_images_on_a_disk_have_absolute_names(photos: Path, bucket: Url) -> None:
-    town = open_map(bucket / "map", create=True)
-    town.add([photos / "coins.png"])
-    assert [image.name for image in town.images] == [(photos / "coins.png").resolve().as_posix()]
-    assert town.problems() == []
+    map_ = open_map(bucket / "map", create=True)
+    map_.add([photos / "coins.png"])
+    assert [image.name for image in map_.images] == [(photos / "coins.png").resolve().as_posix()]
+    assert map_.check() == []
 
 
 def test_one_writer(photos_url: Url, bucket: Url, capsys: pytest.CaptureFixture[str]) -> None:
-    town = open_map(bucket / "map", create=True)
-    town.add([photos_url / "coins.png"])
+    map_ = open_map(bucket / "map", create=True)
+    map_.add([photos_url / "coins.png"])
     lock = bucket / "map" / "writer.lock"
     assert not lock.exists()
     owner = {"host": "elsewhere", "process": 7, "since": "2026-01-01T00:00:00+00:00"}
     lock.create(json.dumps(owner).encode())
     with pytest.raises(MapError, match=r"process 7 on elsewhere since 2026.*map unlock s3://test"):
-        town.add([photos_url])
+        map_.add([photos_url])
     assert len(open_map(bucket / "map").images) == 1
     assert main(["map", "unlock", str(bucket / "map")]) == 0
     assert "process 7 on elsewhere" in capsys.readouterr().out
-    assert town.add([photos_url]).added == 3
+    assert map_.add([photos_url]).added == 3
 
 
 def test_a_server_without_conditional_writes_is_refused(
@@ -106,7 +106,7 @@ def test_a_server_that_stops_during_a_build(
     local: Path, photos_url: Url, bucket: Url, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(build, "LANDMARKS_PER_COMMIT", 1)
-    town = open_map(bucket / "map", create=True)
+    map_ = open_map(bucket / "map", create=True)
 
     def stop_after_two(done: int, of: int) -> None:
         assert of == 4
@@ -115,7 +115,7 @@ def test_a_server_that_stops_during_a_build(
 
     try:
         with pytest.raises(StorageError, match="does not answer") as caught:
-            town.add([photos_url], progress=stop_after_two)
+            map_.add([photos_url], progress=stop_after_two)
     finally:
         server.start()
     assert SECRET not in str(caught.value)
@@ -126,7 +126,7 @@ def test_a_server_that_stops_during_a_build(
     assert main(["map", "unlock", str(bucket / "map")]) == 0
     assert left.add([photos_url]).added == 2
     assert content(left.folder) == content(local)
-    assert left.problems() == []
+    assert left.check() == []
 
 
 def test_a_server_that_stops_before_a_query(
@@ -137,20 +137,20 @@ def test_a_server_that_stops_before_a_query(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    town = open_map(bucket / "map", create=True)
-    town.add([photos_url / "astronaut.png"])
+    map_ = open_map(bucket / "map", create=True)
+    map_.add([photos_url / "astronaut.png"])
     query = write(tmp_path / "query.png", small_close_up.near)
     server.stop()
     try:
         with pytest.raises(StorageError, match="does not answer"):
-            town.locate(small_close_up.near)
+            map_.locate(small_close_up.near)
         assert main(["map", "locate", str(bucket / "map"), str(query)]) == 2
     finally:
         server.start()
     said = capsys.readouterr().err
     assert said.startswith("nearfar: s3://test/map")
     assert len(said.splitlines()) == 1
-    assert town.locate(small_close_up.near).located
+    assert map_.locate(small_close_up.near).located
 
 
 def test_results_and_queries_by_url(

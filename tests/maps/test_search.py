@@ -60,13 +60,13 @@ def test_an_index_finds_nearly_all(
 ) -> None:
     monkeypatch.setattr(store, "INDEX_FROM", 1000)
     shutil.copytree(small_town, tmp_path / "map")
-    town = MapStore(tmp_path / "map")
-    with town.writing():
-        assert town.compact()
-    known = [image.id for image in town.images()][1:]
+    map_ = MapStore(tmp_path / "map")
+    with map_.writing():
+        assert map_.compact()
+    known = [image.id for image in map_.images()][1:]
     vectors = LandmarkDescriber(Settings()).of_query(small_close_up.near).vectors
-    exact = nearest(town.blocks(), vectors, 10, known)
-    found = nearest_by_index(town, vectors, 10, known)
+    exact = nearest(map_.blocks(), vectors, 10, known)
+    found = nearest_by_index(map_, vectors, 10, known)
     assert found.image.shape == exact.image.shape
     assert set(found.image.ravel()) <= {NONE, *known}
     assert (np.diff(found.similarity, axis=1) <= 0).all()
@@ -77,13 +77,13 @@ def test_an_index_is_asked_for_any_number_of_vectors(
     small_town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(small_town, tmp_path / "map")
-    town = MapStore(tmp_path / "map")
-    with town.writing():
-        town.index(1000)
-    known = [image.id for image in town.images()]
-    vectors = next(town.blocks()).vectors[:5]
-    every = nearest_by_index(town, vectors, 3, known)
+    map_ = MapStore(tmp_path / "map")
+    with map_.writing():
+        map_.index(1000)
+    known = [image.id for image in map_.images()]
+    vectors = next(map_.blocks()).vectors[:5]
+    every = nearest_by_index(map_, vectors, 3, known)
     monkeypatch.setattr(search, "QUERIES_AT_ONCE", 4)
-    assert nearest_by_index(town, vectors, 3, known).similarity == pytest.approx(every.similarity)
-    alone = nearest_by_index(town, vectors[4:], 3, known)
+    assert nearest_by_index(map_, vectors, 3, known).similarity == pytest.approx(every.similarity)
+    alone = nearest_by_index(map_, vectors[4:], 3, known)
     assert alone.similarity[0] == pytest.approx(every.similarity[4])

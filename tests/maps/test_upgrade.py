@@ -62,7 +62,7 @@ def test_a_full_disk_leaves_the_old_map(old: Path, monkeypatch: pytest.MonkeyPat
         context.setattr(Path, "write_text", full)
         assert main(["map", "upgrade", str(old)]) == 2
     assert main(["map", "upgrade", str(old)]) == 0
-    assert open_map(old).problems() == []
+    assert open_map(old).check() == []
 
 
 def test_other_formats_cannot_be_upgraded(

@@ -9,7 +9,7 @@ from nearfar.arrays import Matrix3
 from nearfar.geometry.homography import transform
 from nearfar.maps.landmarks import DIMENSIONS, Landmarks
 from nearfar.maps.search import NONE, Hits
-from nearfar.maps.voting import candidates, votes_of
+from nearfar.maps.voting import find_hypotheses, votes_of
 
 SIZE = (640, 480)
 RIGHT, OTHERS = 7, (1, 2, 3)
@@ -59,7 +59,7 @@ def test_agreeing_hits_win_over_more_that_do_not(
     hits.image[right, 0] = RIGHT
     hits.place[right, 0, :2] = transform(truth, own.centre[right])
     hits.place[right, 0, 2] = scale * own.side[right]
-    best = candidates(votes_of(hits, own, SIZE), SIZE, 10)[0]
+    best = find_hypotheses(votes_of(hits, own, SIZE), SIZE, 10)[0]
     assert best.image == RIGHT
     corners = np.array([[0, 0], [639, 0], [639, 479], [0, 479.0]])
     away = transform(best.map_from_query, corners) - transform(truth, corners)
@@ -77,7 +77,7 @@ def test_one_part_of_a_query_counts_once() -> None:
         hits.similarity[rows, :ranks], hits.image[rows, :ranks] = 0.9, image
         hits.place[rows, :ranks, :2] = transform(truth, own.centre[rows])[:, np.newaxis]
         hits.place[rows, :ranks, 2] = 0.5 * own.side[rows, np.newaxis]
-    found = candidates(votes_of(hits, own, SIZE), SIZE, 10)
+    found = find_hypotheses(votes_of(hits, own, SIZE), SIZE, 10)
     votes = {each.image: each.votes for each in reversed(found)}
     assert votes[RIGHT] > 2 * votes[8]
 
@@ -89,9 +89,9 @@ def test_no_hits() -> None:
         np.full((3, 5), NONE, np.int64),
         np.zeros((3, 5, 3), np.float32),
     )
-    assert candidates(votes_of(none, own, SIZE), SIZE, 10) == []
+    assert find_hypotheses(votes_of(none, own, SIZE), SIZE, 10) == []
     nothing = Hits(none.similarity[:0], none.image[:0], none.place[:0])
-    assert candidates(votes_of(nothing, own[np.empty(0, np.intp)], SIZE), SIZE, 10) == []
+    assert find_hypotheses(votes_of(nothing, own[np.empty(0, np.intp)], SIZE), SIZE, 10) == []
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -102,7 +102,8 @@ def test_a_map_of_few_landmarks(count: int) -> None:
     image, place = np.full((count, 5), NONE, np.int64), np.zeros((count, 5, 3), np.float32)
     similarity[:, 0], image[:, 0], place[:, 0] = 0.9, RIGHT, [300, 300, 64]
     assert (
-        candidates(votes_of(Hits(similarity, image, place), own, SIZE), SIZE, 10)[0].image == RIGHT
+        find_hypotheses(votes_of(Hits(similarity, image, place), own, SIZE), SIZE, 10)[0].image
+        == RIGHT
     )
 
 
@@ -121,7 +122,7 @@ def test_a_landmark_that_is_like_everything_weighs_little() -> None:
     votes = votes_of(hits, own, SIZE)
     assert len(votes) == hits.image.size - len(own)
     assert votes.weight[votes.image == 8].max() < 0.3 * votes.weight[votes.image == RIGHT].min()
-    assert candidates(votes, SIZE, 10)[0].image == RIGHT
+    assert find_hypotheses(votes, SIZE, 10)[0].image == RIGHT
 
 
 @settings(max_examples=30, deadline=None)
@@ -130,6 +131,6 @@ def test_fewer_candidates_are_the_first_of_more(seed: int, most: int) -> None:
     rng = np.random.default_rng(seed)
     own = query_landmarks(rng, 60)
     votes = votes_of(random_hits(rng, own, 5), own, SIZE)
-    every = candidates(votes, SIZE, 10**6)
-    few = candidates(votes, SIZE, most)
+    every = find_hypotheses(votes, SIZE, 10**6)
+    few = find_hypotheses(votes, SIZE, most)
     assert [each.votes for each in few] == [each.votes for each in every[:most]]

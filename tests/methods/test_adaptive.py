@@ -276,12 +276,12 @@ class Clock:
     def perf_counter(self) -> float:
         return self._now
 
-    def entered(self, stage: str) -> None:
+    def on_stage(self, stage: str) -> None:
         self.stages.append(stage)
         if stage == self._stage:
             self._now = 1e6
 
-    def tried(self, *_: object) -> None:
+    def on_attempt(self, *_: object) -> None:
         """Attempts do not matter."""
 
 

@@ -56,9 +56,9 @@ def test_weights(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -
 
 def test_a_map(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("lancedb")
-    town = str(files[0].parent / "Karte é")
-    assert main(["map", "build", str(files[0]), "--out", town, "--max-size", "400"]) == 0
-    assert main(["map", "locate", town, str(files[1]), "--save", str(files[0].parent / "out")]) == 0
+    map_ = str(files[0].parent / "Karte é")
+    assert main(["map", "build", str(files[0]), "--out", map_, "--max-size", "400"]) == 0
+    assert main(["map", "locate", map_, str(files[1]), "--save", str(files[0].parent / "out")]) == 0
     assert "Übersicht 1.png: confidence" in capsys.readouterr().out
     assert (files[0].parent / "out" / "näherer Blick 2.json").exists()
 

@@ -28,7 +28,7 @@ from tests.maps.conftest import content, photos, pictures, small_close_up, small
 from tests.runtime.test_workers import gave_up, square_or_die
 
 SIFT = Settings(method="sift")
-QUICK = ("--max-effort", "points", "--verify", "1")
+QUICK = ("--max-effort", "points", "--candidates", "1")
 
 
 @pytest.fixture(scope="module")
@@ -97,10 +97,10 @@ def test_a_map_whose_worker_is_killed(
             os.kill(victim, signal.SIGKILL)
             victim = 0
 
-    town = open_map(photos.parent / "map", create=True)
-    assert town.add([photos], scheduler=scheduler, progress=kill).added == 8
-    assert content(town.folder) == content(small_town)
-    assert town.problems() == []
+    map_ = open_map(photos.parent / "map", create=True)
+    assert map_.add([photos], scheduler=scheduler, progress=kill).added == 8
+    assert content(map_.folder) == content(small_town)
+    assert map_.check() == []
 
 
 def test_queries_are_answered_in_their_order(

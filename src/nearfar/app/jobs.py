@@ -44,14 +44,14 @@ class LocateRequest(Message):
         folder: of the map.
         query: the image.
         top: answers that are sought.
-        verify: places that are looked at.
+        candidates: how many candidates are verified.
     """
 
     kind: Literal["locate"] = "locate"
     folder: Reference
     query: Reference
     top: int = Field(default=3, ge=1, le=10)
-    verify: int = Field(default=5, ge=1, le=20)
+    candidates: int = Field(default=5, ge=1, le=20)
 
 
 JobRequest = Annotated[LocalizeRequest | LocateRequest, Field(discriminator="kind")]

@@ -103,17 +103,17 @@ class Steps:
         self._entered = entered
         self._tried = tried
 
-    def entered(self, stage: str) -> None:
-        """See `Watcher.entered`."""
+    def on_stage(self, stage: str) -> None:
+        """See `Watcher.on_stage`."""
         self._entered(stage)
 
-    def tried(
-        self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, evidence: float
+    def on_attempt(
+        self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, log10_nfa: float
     ) -> None:
-        """See `Watcher.tried`."""
+        """See `Watcher.on_attempt`."""
         known = self.best.get(step)
-        if known is None or evidence < known.evidence:
-            self.best[step] = Step(step, far, near, inliers, evidence)
+        if known is None or log10_nfa < known.evidence:
+            self.best[step] = Step(step, far, near, inliers, log10_nfa)
             self._tried(self.best[step])
 
 

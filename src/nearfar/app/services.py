@@ -81,7 +81,7 @@ class _Tasks:
             served=self.library.served,
             query=self.library.file(request.query),
             top=request.top,
-            verify=request.verify,
+            candidates=request.candidates,
             max_pixels=self.max_pixels,
             result=result,
         )

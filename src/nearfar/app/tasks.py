@@ -45,7 +45,7 @@ class LocateTask(Message):
         served: the folders in which the images of the map must lie.
         query: the image.
         top: answers that are sought.
-        verify: places that are looked at.
+        candidates: how many candidates are verified.
         max_pixels: see `Settings`.
         result: file for the answer.
     """
@@ -55,7 +55,7 @@ class LocateTask(Message):
     served: tuple[Path, ...]
     query: Path
     top: int
-    verify: int
+    candidates: int
     max_pixels: int
     result: Path
 

@@ -63,15 +63,15 @@ class Worker:
 
     def _locate(self, task: LocateTask) -> Ended:
         self._entered("searching the map")
-        town = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
+        map_ = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
         from nearfar.maps.files import file_of
 
-        if not all(_is_served(file_of(each.name, task.folder), task) for each in town.images):
+        if not all(_is_served(file_of(each.name, task.folder), task) for each in map_.images):
             raise MapError(
                 "the map names images outside the folders that the app serves: start it with the "
                 "folder of the photographs as well"
             )
-        found = town.locate(task.query, top=task.top, verify=task.verify)
+        found = map_.locate(task.query, top=task.top, candidates=task.candidates)
         files = {answer.image: str(file_of(answer.image, task.folder)) for answer in found.answers}
         _write(task.result, map_result(found, files))
         if not found.located:

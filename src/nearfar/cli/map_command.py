@@ -137,8 +137,8 @@ def info_command(folder: MapFolder, /, *, as_json: AsJson = False) -> None:
         _say(f"{image.name}: {size if image.usable else image.status}{pose}")
 
 
-@map_app.command(name="verify")
-def verify_command(folder: MapFolder, /, *, content: Flag = False) -> int:
+@map_app.command(name="check")
+def check_command(folder: MapFolder, /, *, content: Flag = False) -> int:
     """Check a map and the files of its images.
 
     Exit status: 0 no problem, 3 problems, one a line, 2 bad input or usage.
@@ -148,7 +148,7 @@ def verify_command(folder: MapFolder, /, *, content: Flag = False) -> int:
         content: Read also the files whose size and time are those that were recorded.
     """
     opened = open_map(folder)
-    problems = opened.problems(content=content)
+    problems = opened.check(content=content)
     for problem in problems:
         _say(f"{problem.image or folder}: {problem.what}")
     if not problems:
@@ -175,7 +175,7 @@ def unlock_command(folder: MapFolder, /) -> None:
     """Remove the lock of a process that was killed while it wrote to a map in object storage.
 
     Make sure that it does not run any more: two writers can leave images without landmarks, which
-    `nearfar map verify` tells.
+    `nearfar map check` tells.
 
     Args:
         folder: URL of the map.
@@ -209,7 +209,7 @@ def locate_command(
     geojson: Path | None = None,
     intrinsics: Path | None = None,
     top: int = 1,
-    verify: int = 5,
+    candidates: int = 5,
     max_effort: Literal["points", "landmarks", "zoom", "views"] = DEFAULTS.max_effort,
     min_confidence: float = DEFAULTS.min_confidence,
     max_pixels: int = DEFAULTS.max_pixels,
@@ -230,11 +230,11 @@ def locate_command(
         intrinsics: Camera that took the queries, to find their poses where those of map images are
             known: JSON file {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
         top: How many answers to seek.
-        verify: How many places to look at, those with most votes of landmarks; as many more with
-            views of the query from aside where no answer is sure.
-        max_effort: The last step of the method adaptive to try at each place.
-        min_confidence: A place of less calibrated confidence is no answer; nor is one that chance
-            may explain, which is below 0.69 for homographies and 0.77 for poses.
+        candidates: How many candidates to verify geometrically, those with most votes of
+            landmarks; where no answer is confident, the same number again with simulated views.
+        max_effort: The last step of the method adaptive to try for each candidate.
+        min_confidence: A candidate of less calibrated confidence is no answer; nor is one that
+            chance may explain, which is below 0.69 for homographies and 0.77 for poses.
         max_pixels: Refuse larger images, which may be decompression bombs.
         weights: Model of the descriptor, nearfar=FILE.
     """
@@ -242,15 +242,15 @@ def locate_command(
         max_effort=max_effort, min_confidence=min_confidence, max_pixels=max_pixels
     )
     settings = with_weights(settings, weights)
-    if top < 1 or verify < 1:
-        raise SettingsError("--top and --verify must be at least 1")
+    if top < 1 or candidates < 1:
+        raise SettingsError("--top and --candidates must be at least 1")
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=settings)
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
     tasks = [
-        Query(query, name, folder, settings, top, verify, camera, save, run)
+        Query(query, name, folder, settings, top, candidates, camera, save, run)
         for query, name in zip(queries, _names(queries), strict=True)
     ]
     statuses = {0}
@@ -293,11 +293,11 @@ def _add(opened: "Map", images: "Sequence[Location]", work: WorkOptions) -> None
     workers = work.begin()
     with shown_progress("images") as show:
         added = opened.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
-    _tell(added)
+    _report(added)
     logs.event("images added", map=str(opened.folder), **added.metrics.to_dict())
 
 
-def _tell(added: "Added") -> None:
+def _report(added: "Added") -> None:
     for name, reason in added.failed:
         _say(f"left out: {name}: {reason}")
     counts = f"{added.added} added, {added.replaced} replaced, {added.unchanged} unchanged"
@@ -305,7 +305,7 @@ def _tell(added: "Added") -> None:
     took = added.metrics
     if took.done:
         _say(
-            f"{took.wall_seconds:.1f} s, {took.cpu_seconds:.1f} s of processors, {took.workers} "
+            f"{took.wall_seconds:.1f} s, {took.cpu_seconds:.1f} CPU s, {took.workers} "
             f"workers, {took.retried} retried"
         )
 

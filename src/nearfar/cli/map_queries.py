@@ -34,7 +34,7 @@ class Query:
         folder: of the map.
         settings: of the map.
         top: as `Map.locate`.
-        verify: the same.
+        candidates: as `Map.locate`.
         camera: the same.
         save: folder for files; None saves none.
         run: names the run; workers open the map once in each.
@@ -45,7 +45,7 @@ class Query:
     folder: Location
     settings: Settings
     top: int
-    verify: int
+    candidates: int
     camera: CameraIntrinsics | None
     save: Location | None
     run: str
@@ -76,10 +76,12 @@ def locate_query(query: Query) -> Located:
     Raises:
         NearfarError: it is not the query that is at fault.
     """
-    opened = _opened(query.folder, query.settings, query.run)
+    map_ = _opened(query.folder, query.settings, query.run)
     try:
         with local_copy(query.source) as file:
-            found = opened.locate(file, top=query.top, verify=query.verify, intrinsics=query.camera)
+            found = map_.locate(
+                file, top=query.top, candidates=query.candidates, intrinsics=query.camera
+            )
     except (ImageError, FileNotFoundError) as error:
         missing = isinstance(error, FileNotFoundError)
         return Located(f"{query.source} does not exist" if missing else str(error))

@@ -132,13 +132,13 @@ class WorldOptions:
             from nearfar.maps.world.colmap import ColmapModel
 
             model = ColmapModel(self.colmap)
-            attachments.append(lambda town, images: town.add_model(model, images))
+            attachments.append(lambda map_, images: map_.add_model(model, images))
         if self.poses is not None and self.intrinsics is not None:
             from nearfar.maps.world.poses import read_poses
 
             poses = read_poses(self.poses, self.pose_format)
             camera = read_camera(self.intrinsics, "map")
-            attachments.append(lambda town, images: town.add_poses(poses, camera, images))
+            attachments.append(lambda map_, images: map_.add_poses(poses, camera, images))
         return attachments
 
 

@@ -34,8 +34,7 @@ class MapAnswer:
         votes: of the query's landmarks for it.
         points: matched points, in pixels of the original map image (far) and of the query.
         world: where the query lies on the Earth; None unless the map image is a GeoTIFF.
-        localization: the query localized in the part of the map image that was looked at, in the
-            pixels of that part.
+        localization: the query localized in a tile of the map image, in pixels of that tile.
     """
 
     image: str
@@ -61,7 +60,7 @@ class MapAnswer:
         }
 
     def picture(self) -> RGBPixels:
-        """The query's outline on the part of the map image that was looked at.
+        """The query's outline on the tile of the map image.
 
         Matched points where there is no outline.
         """
@@ -90,8 +89,8 @@ class MapAnswer:
 
 
 @dataclass(frozen=True)
-class Verified:
-    """A candidate that was looked at.
+class VerifiedCandidate:
+    """A candidate that was verified geometrically.
 
     Attributes:
         image: name of the map image.
@@ -121,7 +120,7 @@ class MapLocalization:
 
     Attributes:
         answers: the best first; none where it was not found.
-        candidates: what was looked at, in that order.
+        candidates: what was verified, in that order.
         query: path or URL of the query; None for an array.
         width: of the query, in pixels of the original.
         height: the same.
@@ -131,7 +130,7 @@ class MapLocalization:
     """
 
     answers: tuple[MapAnswer, ...]
-    candidates: tuple[Verified, ...]
+    candidates: tuple[VerifiedCandidate, ...]
     query: Location | None
     width: int
     height: int

@@ -111,8 +111,8 @@ VIEWS_AT_ONCE = 500
 """That are held in memory."""
 
 
-def problems(store: MapStore, *, content: bool = False) -> list[Problem]:
-    """All problems of a map, by image.
+def check_map(store: MapStore, *, content: bool = False) -> list[Problem]:
+    """Return all problems of a map, by image.
 
     Args:
         store: the map.

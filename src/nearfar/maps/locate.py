@@ -14,15 +14,15 @@ from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
-from nearfar.maps.answers import MapAnswer, MapLocalization, Verified
+from nearfar.maps.answers import MapAnswer, MapLocalization, VerifiedCandidate
 from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sources import copied, open_image
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
-from nearfar.maps.verification import Place, localized_in, places
-from nearfar.maps.voting import Candidate, candidates, votes_of
+from nearfar.maps.verification import Candidate, group_by_tile, localized_in
+from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.maps.world.views import ViewStore
@@ -34,8 +34,8 @@ from nearfar.settings import Settings
 
 HITS = 20
 """Map landmarks that each landmark of a query is compared by."""
-CANDIDATES_PER_PLACE = 3
-"""Candidates that are considered for each place that is looked at."""
+HYPOTHESES_PER_CANDIDATE = 3
+"""Hypotheses that are considered for each candidate that may be verified."""
 SURE = 0.9
 """Confidence of an answer beyond which no further one is sought."""
 ASIDE = around(2, 4)
@@ -43,10 +43,10 @@ ASIDE = around(2, 4)
 VIEW_SIDE = 2 * max(QUERY_SIDES)
 """Longest side in pixels of what these are made of."""
 CACHED = 10**8
-"""Bytes of features that are kept: of the query and of the places that it was sought in last."""
-CHOICE = 3
-"""For a pose, of so many times the places that may be looked at those nearest to the first sure
-answer are, since most of the scene is seen from there as well."""
+"""Bytes of features that are kept: of the query and of the tiles that it was sought in last."""
+CANDIDATES_FOR_POSE = 3
+"""Retrieve this many times more candidates for a pose, then re-rank them by distance to the first
+confident answer: its neighbours show most of the same scene."""
 
 
 class MapLocator:
@@ -71,24 +71,24 @@ class MapLocator:
         self._views = ViewStore(store.folder)
 
     def locate(
-        self, source: ImageSource, top: int, verify: int, camera: CameraIntrinsics | None = None
+        self, source: ImageSource, top: int, candidates: int, camera: CameraIntrinsics | None = None
     ) -> MapLocalization:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
         with timer.stage("reading"):
             query = read_image(source, max_pixels=self._settings.max_pixels)
-        most = verify if camera is None else CHOICE * verify
+        most = candidates if camera is None else CANDIDATES_FOR_POSE * candidates
         answers: list[MapAnswer] = []
-        verified: list[Verified] = []
+        verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
         for views in ((FRONTAL,), ASIDE):
-            waiting = self._places(query, views, most, timer)
-            seen.update(self._images[place.image] for place in waiting)
+            waiting = self._candidates(query, views, most, timer)
+            seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._views, seen, camera)
             wanted = top if posing is None else max(top, VIEWS)
             with timer.stage("verification"):
-                looked_at, found = self._verified(waiting, query, posing, wanted, verify)
-            verified += looked_at
+                checked, found = self._verified(waiting, query, posing, wanted, candidates)
+            verified += checked
             answers += found
             if _sure(answers):
                 break
@@ -107,11 +107,11 @@ class MapLocator:
             pose,
         )
 
-    def _places(
+    def _candidates(
         self, query: Image, views: Sequence[View], most: int, timer: StageTimer
-    ) -> list[Place]:
-        """The parts of map images that most votes of the query's views are for."""
-        found: list[Candidate] = []
+    ) -> list[Candidate]:
+        """Return the tiles of map images that most votes of the query's views are for."""
+        found: list[Hypothesis] = []
         for view in views:
             with timer.stage("landmarks"):
                 pixels, view_from_query = _seen(query, view)
@@ -123,12 +123,12 @@ class MapLocator:
                 votes = votes_of(hits, landmarks, size)
                 found += [
                     replace(each, map_from_query=each.map_from_query @ view_from_query)
-                    for each in candidates(votes, size, CANDIDATES_PER_PLACE * most)
+                    for each in find_hypotheses(votes, size, HYPOTHESES_PER_CANDIDATE * most)
                 ]
-        found = sorted(found, key=lambda each: -each.votes)[: CANDIDATES_PER_PLACE * most]
+        found = sorted(found, key=lambda each: -each.votes)[: HYPOTHESES_PER_CANDIDATE * most]
         with timer.stage("votes"):
             tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
-            return places(found, tiles, (query.width, query.height))[:most]
+            return group_by_tile(found, tiles, (query.width, query.height))[:most]
 
     def _hits(self, landmarks: Landmarks) -> Hits:
         if self._store.indexed:
@@ -136,13 +136,13 @@ class MapLocator:
         return nearest(self._store.blocks(), landmarks.vectors, HITS, self._images)
 
     def _verified(
-        self, waiting: list[Place], query: Image, posing: Posing | None, wanted: int, most: int
-    ) -> tuple[list[Verified], list[MapAnswer]]:
-        """Look at places, at most so many, until as many sure answers as are wanted are found."""
-        verified: list[Verified] = []
+        self, waiting: list[Candidate], query: Image, posing: Posing | None, wanted: int, most: int
+    ) -> tuple[list[VerifiedCandidate], list[MapAnswer]]:
+        """Verify at most `most` candidates, until there are `wanted` confident answers."""
+        verified: list[VerifiedCandidate] = []
         answers: list[MapAnswer] = []
         while waiting and len(verified) < most:
-            checked, answer = self._looked_at(waiting.pop(0), query, posing)
+            checked, answer = self._verify(waiting.pop(0), query, posing)
             verified.append(checked)
             if answer is not None:
                 answers.append(answer)
@@ -153,23 +153,23 @@ class MapLocator:
                 waiting.sort(key=lambda each: posing.apart(self._images[each.image].name, sure[0]))
         return verified, answers
 
-    def _looked_at(
-        self, place: Place, query: Image, posing: Posing | None
-    ) -> tuple[Verified, MapAnswer | None]:
-        """The candidates of a place as an answer, or why they are none."""
-        image = self._images[place.image]
+    def _verify(
+        self, candidate: Candidate, query: Image, posing: Posing | None
+    ) -> tuple[VerifiedCandidate, MapAnswer | None]:
+        """Verify a candidate; also return its answer, None where it is none."""
+        image = self._images[candidate.image]
         try:
-            pixels = self._pixels(place, image)
+            pixels = self._pixels(candidate, image)
         except ImageError as error:
-            return Verified(image.name, place.votes, 0.0, str(error)), None
+            return VerifiedCandidate(image.name, candidate.votes, 0.0, str(error)), None
         cameras = None if posing is None else posing.cameras(image.name)
-        found = localized_in(self._localizer, place, pixels, query.pixels, cameras)
+        found = localized_in(self._localizer, candidate, pixels, query.pixels, cameras)
         confidence = found.confidence or 0.0
-        checked = Verified(image.name, place.votes, confidence, found.reason)
-        return checked, self._answer(place, image, found) if found.localized else None
+        checked = VerifiedCandidate(image.name, candidate.votes, confidence, found.reason)
+        return checked, self._answer(candidate, image, found) if found.localized else None
 
-    def _pixels(self, place: Place, image: MapImage) -> RGBPixels:
-        """The pixels of a place, whose stored keypoints the localizer is told of.
+    def _pixels(self, candidate: Candidate, image: MapImage) -> RGBPixels:
+        """The pixels of a candidate, whose stored keypoints the localizer is told of.
 
         Raises:
             ImageError: the file is missing or no longer the one of which the map was made.
@@ -179,30 +179,30 @@ class MapLocator:
             raise ImageError(
                 f"the file {image.name} is missing or has changed: build the map again"
             )
-        pixels = open_image(file, self._settings.max_pixels).read(place.tile)
-        stored = self._store.keypoints(image.id, place.tile)
+        pixels = open_image(file, self._settings.max_pixels).read(candidate.tile)
+        stored = self._store.keypoints(image.id, candidate.tile)
         if stored is not None:
             height, width = pixels.shape[:2]
             features = AdaptiveFeatures(pixels, unpacked_keypoints(stored))
             self._localizer.remember(Image(pixels, width, height, None), features)
         return pixels
 
-    def _answer(self, place: Place, image: MapImage, found: Localization) -> MapAnswer:
+    def _answer(self, candidate: Candidate, image: MapImage, found: Localization) -> MapAnswer:
         model, corners, world = found.far_from_near, None, None
         if not isinstance(model, RelativePose):
             size = found.near.width, found.near.height
-            model = normalized(place.tile.original_from_tile @ np.asarray(model))
+            model = normalized(candidate.tile.original_from_tile @ np.asarray(model))
             corners = footprint(model, *size)
             world = geo_place(copied(file_of(image.name, self._store.folder)), model, size)
         points = found.points
-        in_original = transform(place.tile.original_from_tile, points.far)
+        in_original = transform(candidate.tile.original_from_tile, points.far)
         return MapAnswer(
             image=image.name,
             far_from_near=model,
             footprint=corners,
-            scale_change=(found.scale_change or math.nan) * place.tile.scale,
+            scale_change=(found.scale_change or math.nan) * candidate.tile.scale,
             confidence=found.confidence or 0.0,
-            votes=place.votes,
+            votes=candidate.votes,
             points=PointMatches(in_original, points.near, points.inliers),
             world=world,
             localization=found,

@@ -10,7 +10,7 @@ from nearfar.imaging.image import ImageSource
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.creation import create
-from nearfar.maps.files import Problem, name_of, problems
+from nearfar.maps.files import Problem, check_map, name_of
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
 from nearfar.maps.sources import image_files
@@ -24,8 +24,8 @@ from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, Url, location
 
-TOP, VERIFY = 1, 5
-"""Answers that are sought, and places that are looked at for them."""
+TOP, CANDIDATES = 1, 5
+"""Answers to seek, and candidates to verify for them."""
 
 
 ImageFile = str | PathLike[str] | Url
@@ -96,7 +96,7 @@ class Map:
         image: ImageSource,
         *,
         top: int = TOP,
-        verify: int = VERIFY,
+        candidates: int = CANDIDATES,
         intrinsics: CameraSource | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map.
@@ -104,8 +104,8 @@ class Map:
         Args:
             image: path or array (RGB).
             top: how many answers to seek.
-            verify: how many places to look at, those with most votes; as many more with views of
-                the image from aside where no answer is sure.
+            candidates: how many candidates to verify, those with most votes; where no answer is
+                confident, the same number again with simulated views of the image.
             intrinsics: of the image's camera, "query" of a file or mapping; with them, and map
                 images whose poses are known, the answer has the pose of the image.
 
@@ -119,12 +119,12 @@ class Map:
             SettingsError: a number is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
-        if top < 1 or verify < 1:
-            raise SettingsError("top and verify must be at least 1")
+        if top < 1 or candidates < 1:
+            raise SettingsError("top and candidates must be at least 1")
         if self._locator is None:
             self._locator = MapLocator(self._store, self.settings)
         camera = None if intrinsics is None else read_camera(intrinsics, "query")
-        return self._locator.locate(image, top, verify, camera)
+        return self._locator.locate(image, top, candidates, camera)
 
     def add(
         self,
@@ -236,13 +236,13 @@ class Map:
         """Ids of the images whose camera and pose are known."""
         return ViewStore(self.folder).ids()
 
-    def problems(self, *, content: bool = False) -> list[Problem]:
-        """What is wrong with the map, the files of its images and their poses.
+    def check(self, *, content: bool = False) -> list[Problem]:
+        """Return what is wrong with the map, the files of its images and their poses.
 
         Args:
             content: read also the files whose size and time are those that were recorded.
         """
-        return problems(self._store, content=content)
+        return check_map(self._store, content=content)
 
     def compact(self) -> bool:
         """Merge files, remove those not needed for an hour, and index many landmarks.

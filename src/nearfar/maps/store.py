@@ -40,7 +40,7 @@ INDEX_FROM = 200_000
 KEPT = timedelta(hours=1)
 """How long files stay that only readers of an older state of the map need."""
 PROBES, LANDMARKS_PER_PROBE = 20, 50_000
-"""Least partitions of the index that are looked at, and landmarks of the map for each of them."""
+"""Least number of index partitions to probe, and landmarks of the map for each of them."""
 COMPARED = 80
 """Landmarks that the index finds there for each vector; their exact similarity is computed."""
 READ_AT_ONCE = 4096

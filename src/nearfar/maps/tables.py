@@ -34,7 +34,7 @@ class MapImage:
         height: the same.
         status: "ok", or why it could not be read.
         landmarks: how many it has.
-        size: of the file, in bytes; -1 where it has to be looked at again.
+        size: of the file, in bytes; -1 where the file has to be read again.
         modified: time of the file's last change, in nanoseconds since 1970; -1 likewise.
     """
 

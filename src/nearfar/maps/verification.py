@@ -1,4 +1,4 @@
-"""Candidates -> answers: the query is localized in the map image, from the voted transforms on."""
+"""Verify candidates: localize the query in tiles of map images, from the voted transforms on."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from nearfar.imaging.tiles import Tile
 from nearfar.landmarks.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
-from nearfar.maps.voting import Candidate
+from nearfar.maps.voting import Hypothesis
 
 SWAPPED_FROM = 1.25
 """Where the map shows the scene so much larger than the query, the map image is the near one."""
@@ -23,41 +23,41 @@ FULL = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """A tile of a map image and the candidates that lie in it.
+class Candidate:
+    """A tile of a map image and the hypotheses that lie in it.
 
     Attributes:
         image: id of the map image.
         tile: the tile.
-        candidates: best first.
+        hypotheses: best first.
     """
 
     image: int
     tile: Tile
-    candidates: tuple[Candidate, ...]
+    hypotheses: tuple[Hypothesis, ...]
 
     @property
     def votes(self) -> float:
-        """Of the best candidate."""
-        return self.candidates[0].votes
+        """Votes for the best hypothesis."""
+        return self.hypotheses[0].votes
 
 
-def places(
-    candidates: Iterable[Candidate], tiles: dict[int, list[Tile]], size: tuple[int, int]
-) -> list[Place]:
-    """The tiles to look at, in the order of the candidates.
+def group_by_tile(
+    hypotheses: Iterable[Hypothesis], tiles: dict[int, list[Tile]], size: tuple[int, int]
+) -> list[Candidate]:
+    """Return the tiles in which the hypotheses lie, in their order.
 
     Args:
-        candidates: best first.
-        tiles: of the images of all candidates.
+        hypotheses: best first.
+        tiles: of the images of all hypotheses.
         size: width and height of the query.
     """
-    grouped: dict[tuple[int, Tile], list[Candidate]] = {}
-    for each in candidates:
+    grouped: dict[tuple[int, Tile], list[Hypothesis]] = {}
+    for each in hypotheses:
         if tiles[each.image]:
             tile = best_tile(tiles[each.image], each.map_from_query, size)
             grouped.setdefault((each.image, tile), []).append(each)
-    return [Place(image, tile, tuple(found)) for (image, tile), found in grouped.items()]
+    return [Candidate(image, tile, tuple(found)) for (image, tile), found in grouped.items()]
 
 
 def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, int]) -> Tile:
@@ -76,7 +76,7 @@ def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, i
 
 def localized_in(
     localizer: Localizer,
-    place: Place,
+    candidate: Candidate,
     tile_pixels: RGBPixels,
     query: RGBPixels,
     cameras: Intrinsics | None = None,
@@ -85,15 +85,17 @@ def localized_in(
 
     Args:
         localizer: of pairs.
-        place: the tile and where the query may lie in it.
+        candidate: the tile and where the query may lie in it.
         tile_pixels: of the tile.
         query: the query at its original size.
         cameras: of the original map image (far) and of the query (near); the model is a pose where
             they are given, else a homography.
     """
-    tile_from_map = np.linalg.inv(place.tile.original_from_tile)
-    expected = [tile_from_map @ each.map_from_query for each in place.candidates]
-    known = None if cameras is None else Intrinsics(in_tile(cameras.far, place.tile), cameras.near)
+    tile_from_map = np.linalg.inv(candidate.tile.original_from_tile)
+    expected = [tile_from_map @ each.map_from_query for each in candidate.hypotheses]
+    known = (
+        None if cameras is None else Intrinsics(in_tile(cameras.far, candidate.tile), cameras.near)
+    )
     if _enlargement(localizer, expected[0], query) <= SWAPPED_FROM:
         return localizer.localize(tile_pixels, query, intrinsics=known, expected=expected)
     inverse = [np.linalg.inv(each) for each in expected]

@@ -1,4 +1,4 @@
-"""Votes of landmarks for where a query lies: hits -> candidates.
+"""Votes of landmarks for where a query lies: hits -> hypotheses.
 
 Each hit of a query landmark in the map tells a place, a scale and a rotation of the query in a map
 image. Wrong hits tell something else each time, so agreement stands out.
@@ -21,8 +21,8 @@ PLACE_TOLERANCE = 0.25
 """Of the query's centre, as a share of the diagonal of its footprint."""
 SEEDS = 40
 """So many of the best votes for an image propose transforms."""
-PLACES = 3
-"""Candidates that one image gives at most."""
+HYPOTHESES_PER_IMAGE = 3
+"""Largest number of hypotheses from one map image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Votes:
         scale: (N,) pixels of the map image over pixels of the query.
         angle: (N,) of the rotation from the query to the map image, radians.
         weight: (N,) how much the hit stands out, 0 to 1.
-        cell: (N,) number of the part of the query that votes; each counts once for a candidate.
+        cell: (N,) number of the part of the query that votes; each counts once for a hypothesis.
     """
 
     image: NDArray[np.int64]
@@ -60,8 +60,8 @@ class Votes:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
-    """Where a query may lie.
+class Hypothesis:
+    """Where a query may lie, by votes.
 
     Attributes:
         image: id of the map image.
@@ -117,8 +117,8 @@ def map_from_query(place: NDArray[np.floating], landmarks: Landmarks) -> NDArray
     return np.concatenate([linear, moved[:, :, np.newaxis]], axis=2)
 
 
-def candidates(votes: Votes, size: tuple[int, int], most: int) -> list[Candidate]:
-    """What most votes agree on, best first.
+def find_hypotheses(votes: Votes, size: tuple[int, int], most: int) -> list[Hypothesis]:
+    """Return the transforms that most votes agree on, best first.
 
     Args:
         votes: of a query.
@@ -132,7 +132,7 @@ def candidates(votes: Votes, size: tuple[int, int], most: int) -> list[Candidate
         return []
     parts = np.split(np.arange(len(votes)), starts[1:])
     bound = np.add.reduceat(votes.weight, starts, dtype=np.float64)
-    found: list[Candidate] = []
+    found: list[Hypothesis] = []
     for index in np.argsort(-bound, kind="stable"):
         if len(found) >= most and found[most - 1].votes >= bound[index]:
             break  # No image that is left has so many votes in all.
@@ -141,8 +141,8 @@ def candidates(votes: Votes, size: tuple[int, int], most: int) -> list[Candidate
     return found[:most]
 
 
-def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Candidate]:
-    """The candidates in one image; a vote counts for the first that it agrees with.
+def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Hypothesis]:
+    """The hypotheses in one image; a vote counts for the first that it agrees with.
 
     Args:
         votes: for the image, sorted by cell.
@@ -152,7 +152,7 @@ def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Candidate]:
     agreeing = _agreeing(votes, seeds, math.hypot(*size))
     weight = votes.weight.copy()
     cells = np.flatnonzero(np.diff(votes.cell, prepend=-1))
-    for _ in range(PLACES):
+    for _ in range(HYPOTHESES_PER_IMAGE):
         best_of_cells = np.maximum.reduceat(agreeing * weight, cells, axis=1)
         total = best_of_cells.sum(axis=1)
         best = int(total.argmax())
@@ -160,7 +160,7 @@ def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Candidate]:
             return
         supporters = np.flatnonzero(agreeing[best] & (weight > 0))
         matrix = _mean_transform(votes[supporters], weight[supporters], size)
-        yield Candidate(int(votes.image[0]), matrix, float(total[best]))
+        yield Hypothesis(int(votes.image[0]), matrix, float(total[best]))
         weight[supporters] = 0
 
 

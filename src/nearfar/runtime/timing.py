@@ -11,11 +11,11 @@ from nearfar.arrays import Coordinates, Mask
 class Watcher(Protocol):
     """Is told what a localization does while it runs."""
 
-    def entered(self, stage: str) -> None:
+    def on_stage(self, stage: str) -> None:
         """A stage begins."""
 
-    def tried(
-        self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, evidence: float
+    def on_attempt(
+        self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, log10_nfa: float
     ) -> None:
         """A step of a method has fitted a model to matches.
 
@@ -24,7 +24,7 @@ class Watcher(Protocol):
             far: (N, 2) pixels of the far working image.
             near: (N, 2) the matched pixels of the near working image.
             inliers: (N,) which of them agree with the model.
-            evidence: decimal logarithm of how many models as good chance would give.
+            log10_nfa: decimal logarithm of the number of false alarms of the model.
         """
 
 
@@ -47,7 +47,7 @@ class StageTimer:
     def stage(self, name: str) -> Iterator[None]:
         """Time the enclosed block and add it to stage `name`."""
         if self.watcher is not None:
-            self.watcher.entered(name)
+            self.watcher.on_stage(name)
         start = time.perf_counter()
         try:
             yield

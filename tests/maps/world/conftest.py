@@ -29,20 +29,20 @@ class Tour:
     Attributes:
         room: the room.
         images: folder of the images, named by their numbers.
-        town: folder of the map.
+        map_: folder of the map.
         poses: of each image.
         pixels: of each image.
     """
 
     room: Room
     images: Path
-    town: Path
+    map_: Path
     poses: tuple[Pose, ...]
     pixels: tuple[RGBPixels, ...]
 
     def copied(self, name: str) -> Path:
         """The folder of a copy of the map, beside it."""
-        return Path(shutil.copytree(self.town, self.town.with_name(name)))
+        return Path(shutil.copytree(self.map_, self.map_.with_name(name)))
 
 
 @pytest.fixture(scope="session")

@@ -48,13 +48,13 @@ def test_views_are_those_of_the_room(tour: Tour, model: Path) -> None:
 def test_a_close_up_is_posed(
     tour: Tour, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    query, town = write(tmp_path / "query.png", tour.room.seen(NEAR)), tour.copied("with-model")
-    built = ["map", "build", str(tour.images), "--out", str(town), "--colmap", str(model)]
+    query, map_ = write(tmp_path / "query.png", tour.room.seen(NEAR)), tour.copied("with-model")
+    built = ["map", "build", str(tour.images), "--out", str(map_), "--colmap", str(model)]
     assert main(built) == 0
     assert "4 images have a pose" in capsys.readouterr().out
     camera = tmp_path / "camera.json"
     camera.write_text(json.dumps({"query": [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy]}))
-    found = open_map(town).locate(query, intrinsics=camera)
+    found = open_map(map_).locate(query, intrinsics=camera)
     assert isinstance(found.world, QueryPose)
     assert found.world is found.pose
     assert found.world.source == "model"

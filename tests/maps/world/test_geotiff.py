@@ -126,16 +126,16 @@ def test_from_a_geotiff_to_geojson(
 ) -> None:
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     seen = cv2.warpPerspective(ground, map_from_query, SIZE, flags=flags)
-    query, town, out = tmp_path / "query.png", tmp_path / "map", tmp_path / "found.geojson"
+    query, map_, out = tmp_path / "query.png", tmp_path / "map", tmp_path / "found.geojson"
     PillowImage.fromarray(seen).save(query)
-    assert main(["map", "build", str(georeferenced), "--out", str(town)]) == 0
+    assert main(["map", "build", str(georeferenced), "--out", str(map_)]) == 0
     nowhere = str(tmp_path / "missing" / "found.geojson")
-    assert main(["map", "locate", str(town), str(query), "--geojson", nowhere]) == 2
+    assert main(["map", "locate", str(map_), str(query), "--geojson", nowhere]) == 2
     assert "located" not in capsys.readouterr().out
-    assert main(["map", "locate", str(town), str(query), "--geojson", str(out)]) == 0
+    assert main(["map", "locate", str(map_), str(query), "--geojson", str(out)]) == 0
     assert "longitude 15.0000" in capsys.readouterr().out
 
-    found = open_map(town).locate(query)
+    found = open_map(map_).locate(query)
     assert isinstance(found.world, GeoPlace)
     assert_at_the_place(found.world, METRES)
     saved = found.to_dict()["world"]

@@ -96,13 +96,13 @@ def test_other_files_are_refused(tmp_path: Path, text: str, pose_format: str) ->
 @pytest.fixture(scope="session")
 def posed_map(tour: Tour, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of all images of the tour, with a list of poses."""
-    folder, town = tmp_path_factory.mktemp("posed"), tour.copied("with-poses")
+    folder, map_ = tmp_path_factory.mktemp("posed"), tour.copied("with-poses")
     poses = write_kitti(folder / "poses.txt", list(tour.poses))
     camera = folder / "camera.json"
     camera.write_text(json.dumps({"map": [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy]}))
     options = ["--poses", str(poses), "--intrinsics", str(camera)]
-    assert main(["map", "add", str(town), str(tour.images), *options]) == 0
-    return town
+    assert main(["map", "add", str(map_), str(tour.images), *options]) == 0
+    return map_
 
 
 def test_a_query_is_posed_by_triangulation(
@@ -129,10 +129,10 @@ def test_one_map_image_tells_a_direction(
     tour: Tour, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     image, query = tour.images / "000001.png", write(tmp_path / "q.png", tour.room.seen(AHEAD))
-    town = open_map(tour.copied("with-one-pose"))
+    map_ = open_map(tour.copied("with-one-pose"))
     poses = write_kitti(tmp_path / "poses.txt", list(tour.poses))
-    assert town.add_poses(read_poses(poses, "kitti"), CAMERA, [image]) == 1
-    pose = town.locate(query, intrinsics=CAMERA).pose
+    assert map_.add_poses(read_poses(poses, "kitti"), CAMERA, [image]) == 1
+    pose = map_.locate(query, intrinsics=CAMERA).pose
     assert pose is not None
     assert pose.source == "one image"
     assert pose.translation is None
@@ -142,7 +142,7 @@ def test_one_map_image_tells_a_direction(
     camera = tmp_path / "camera.json"
     camera.write_text(json.dumps({"far": [1, 1, 0, 0], "near": [700, 700, 400, 280]}))
     options = ["--intrinsics", str(camera), "--save", str(tmp_path / "out")]
-    assert main(["map", "locate", str(town.folder), str(query), *options]) == 0
+    assert main(["map", "locate", str(map_.folder), str(query), *options]) == 0
     assert "distance unknown" in capsys.readouterr().out
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["q.json", "q.png"]
 
@@ -168,11 +168,11 @@ def test_poses_and_intrinsics_need_each_other(
     tour: Tour, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     poses = write_kitti(tmp_path / "poses.txt", list(tour.poses))
-    town = tmp_path / "map"
-    built = ["map", "build", str(tour.images), "--out", str(town), "--poses", str(poses)]
+    map_ = tmp_path / "map"
+    built = ["map", "build", str(tour.images), "--out", str(map_), "--poses", str(poses)]
     assert main(built) == 2
     assert "--intrinsics" in capsys.readouterr().err
-    assert not Map.exists(town)
+    assert not Map.exists(map_)
 
 
 def test_kitti(extra_data: Path, tmp_path: Path) -> None:
@@ -181,11 +181,11 @@ def test_kitti(extra_data: Path, tmp_path: Path) -> None:
     frames = [sequence / "image_0" / f"{number:06d}.png" for number in range(100, 150, 10)]
     poses = read_poses(extra_data / "kitti" / "poses" / "03.txt", "kitti")
     camera = read_camera(sequence / "calib.txt", "map")
-    town = open_map(tmp_path / "map", create=True)
-    town.add(frames[::2])
-    assert town.add_poses(poses, camera, frames[::2]) == 3
+    map_ = open_map(tmp_path / "map", create=True)
+    map_.add(frames[::2])
+    assert map_.add_poses(poses, camera, frames[::2]) == 3
     for frame in frames[1::2]:
-        pose = town.locate(frame, intrinsics=camera).pose
+        pose = map_.locate(frame, intrinsics=camera).pose
         assert pose is not None
         assert pose.translation is not None
         truth = Pose(poses.rotations[int(frame.stem)], poses.centres[int(frame.stem)])

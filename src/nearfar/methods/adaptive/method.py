@@ -302,7 +302,7 @@ class Adaptive:
 def _tell(timer: StageTimer, tried: Attempt) -> None:
     """Tell who watches of an attempt."""
     if timer.watcher is not None:
-        timer.watcher.tried(
+        timer.watcher.on_attempt(
             tried.step, tried.far, tried.near, tried.estimate.inliers, tried.evidence
         )
 
