@@ -17,10 +17,11 @@ import numpy as np
 
 from nearfar import open_map
 from nearfar.geometry.errors import rotation_angle
-from nearfar.geometry.intrinsics import CameraIntrinsics, read_camera
+from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.map import Map
-from nearfar.maps.world.poses import Poses, read_poses
+from nearfar.maps.sources.poses import Kitti, PoseList
+from nearfar.settings import Settings
 
 NEAR = 10.0
 """Metres within which the first frame is to be."""
@@ -28,11 +29,10 @@ NEAR = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A sequence: its frames that are there, all poses, and its camera."""
+    """A sequence: its frames that are there, and all poses."""
 
     frames: list[Path]
-    poses: Poses
-    camera: CameraIntrinsics
+    poses: PoseList
 
 
 def drives(folder: Path) -> Iterator[Drive]:
@@ -40,8 +40,9 @@ def drives(folder: Path) -> Iterator[Drive]:
     for sequence in sorted((folder / "sequences").iterdir()):
         frames = sorted((sequence / "image_0").glob("*.png"))
         if frames:
-            poses = read_poses(folder / "poses" / f"{sequence.name}.txt", "kitti")
-            yield Drive(frames, poses, read_camera(sequence / "calib.txt", "map"))
+            camera = read_camera(sequence / "calib.txt", "map")
+            poses = folder / "poses" / f"{sequence.name}.txt"
+            yield Drive(frames, Kitti("kitti", Settings()).read(poses, camera))
 
 
 def made(folder: Path, known: list[Drive], every: int) -> Map:
@@ -51,7 +52,7 @@ def made(folder: Path, known: list[Drive], every: int) -> Map:
     map_ = open_map(folder, create=True)
     for drive in known:
         map_.add(drive.frames[::every])
-        map_.add_poses(drive.poses, drive.camera, drive.frames[::every])
+        map_.attach(drive.poses, drive.frames[::every])
     return map_
 
 
@@ -91,7 +92,7 @@ def main() -> None:
     chosen = np.linspace(0, len(others) - 1, asked.queries).astype(int)
     rows = []
     for query, drive in (others[index] for index in chosen):
-        rows.append(result(query, drive, map_.locate(query, intrinsics=drive.camera)))
+        rows.append(result(query, drive, map_.locate(query, intrinsics=drive.poses.camera)))
         print(json.dumps(rows[-1]), flush=True)
     near = sum(row.get("apart", np.inf) <= NEAR for row in rows)
     errors = [row["error"] for row in rows if "error" in row]

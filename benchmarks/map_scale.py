@@ -25,11 +25,11 @@ from nearfar.imaging.image import read_image
 from nearfar.maps import DEFAULTS
 from nearfar.maps.build import LANDMARKS_PER_COMMIT, _indexed, _Task
 from nearfar.maps.creation import create
+from nearfar.maps.images import image_files
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
 from nearfar.maps.locate import HITS
 from nearfar.maps.manifest import manifest_for
 from nearfar.maps.search import Hits, nearest, nearest_by_index
-from nearfar.maps.sources import image_files
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import Indexed
 from nearfar.settings import Settings

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from nearfar.arrays import RGBPixels
 from nearfar.features.detection import detect_rootsift
 from nearfar.imaging.image import read_image
+from nearfar.maps.images import TILE
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
-from nearfar.maps.sources import TILE
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MOST, MapImage, unpacked_keypoints
 from nearfar.methods.adaptive.method import CONTRAST

@@ -99,6 +99,13 @@ def nearfar_command(*arguments: str | Path) -> dict[str, Any]:
     return {"status": done.returncode, "printed": [json.loads(line) for line in lines]}
 
 
+def named_source(poses: Path) -> str:
+    """Return the value of `--poses` for a KITTI list, which version 0.1.0 took without a name."""
+    import nearfar.maps.map
+
+    return f"kitti={poses}" if hasattr(nearfar.maps.map.Map, "attach") else str(poses)
+
+
 def part_of_geotiff(data: Path, out: Path) -> Path:
     """Return a file with a part of the GeoTIFF at twice its size, without its coordinates."""
     with Image.open(data / GEOTIFF) as image:
@@ -128,7 +135,7 @@ def map_answers(data: Path, out: Path) -> Any:
 
     images, folder = map(copied, [*chosen, data / GEOTIFF]), out / "map"
     camera = ["--intrinsics", str(posed[0].parents[1] / "calib.txt")]
-    world = ["--poses", str(out / "poses.txt"), *camera]
+    world = ["--poses", named_source(out / "poses.txt"), *camera]
     nearfar_command("map", "build", *images, "--out", folder, "--max-size", "1000")
     nearfar_command("map", "add", folder, *map(copied, posed), *world)
     return {

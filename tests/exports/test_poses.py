@@ -8,8 +8,9 @@ import pytest
 import nearfar
 from nearfar import ExportError, Localization
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.maps.world.places import PoseFormat
-from nearfar.maps.world.poses import read_poses
+from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.maps.sources.poses import Kitti, Tum
+from nearfar.settings import Settings
 from tests.exports.conftest import Posed
 
 
@@ -40,11 +41,14 @@ def test_evo_reads_a_tum_trajectory(posed: Posed, tmp_path: Path) -> None:
     np.testing.assert_allclose(path.poses_se3[1], matrix(posed.views.pose), atol=1e-12)
 
 
-@pytest.mark.parametrize("pose_format", ["kitti", "tum"])
-def test_maps_read_them_too(pose_format: PoseFormat, posed: Posed, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("pose_format", "source"), [("kitti", Kitti), ("tum", Tum)])
+def test_maps_read_them_too(
+    pose_format: str, source: type[Kitti | Tum], posed: Posed, tmp_path: Path
+) -> None:
     file = tmp_path / "poses.txt"
     nearfar.export(posed.localization, pose_format, file)
-    poses = read_poses(file, pose_format)
+    camera = CameraIntrinsics(700, 700, 320, 240)
+    poses = source(pose_format, Settings()).read(file, camera)
     np.testing.assert_allclose(poses.rotations[1], posed.views.pose.rotation, atol=1e-12)
     np.testing.assert_array_equal(poses.centres[1], posed.views.pose.translation)
 

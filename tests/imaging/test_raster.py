@@ -17,7 +17,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MissingExtraError
 from nearfar.imaging.raster import Raster, open_raster, tiff_header
 from nearfar.imaging.tiles import Tile
-from nearfar.maps.sources import Photograph, open_image
+from nearfar.maps.images import Photograph, open_image
 
 rasterio = pytest.importorskip("rasterio")
 CRS, NORTH_UP = "EPSG:32633", (0.5, 0.0, 399_000.0, 0.0, -0.5, 5_801_000.0)

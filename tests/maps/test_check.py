@@ -12,15 +12,15 @@ from nearfar import MapError, open_map
 from nearfar.cli import main
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.map import Map
-from nearfar.maps.world.poses import Poses
-from nearfar.maps.world.views import View, ViewStore
+from nearfar.maps.sources.poses import PoseList
+from nearfar.maps.world.pose_store import PoseStore
+from nearfar.maps.world.scene import PosedImage
 
 CAMERA = CameraIntrinsics(300.0, 300.0, 64.0, 48.0)
 
 
-def view(rotation: np.ndarray) -> View:
-    none = np.empty((0, 2)), np.empty((0, 3))
-    return View("poses.txt", CAMERA, rotation, np.zeros(3), *none)
+def posed(rotation: np.ndarray) -> PosedImage:
+    return PosedImage(CAMERA, rotation, np.zeros(3), world="poses.txt")
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def map_(photos: Path) -> Map:
     """A map of two photographs of which one has a pose."""
     map_ = open_map(photos.parent / "map", create=True)
     map_.add([photos / "coins.png", photos / "page.png"])
-    ViewStore(map_.folder).put({map_.images[0].id: view(np.eye(3))})
+    PoseStore(map_.folder).put({map_.images[0].id: posed(np.eye(3))})
     return map_
 
 
@@ -46,7 +46,7 @@ def test_poses_are_shown(map_: Map, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_poses_are_checked(map_: Map) -> None:
     first, second = map_.images
-    ViewStore(map_.folder).put({second.id: view(2 * np.eye(3))})
+    PoseStore(map_.folder).put({second.id: posed(2 * np.eye(3))})
     assert [(each.image, each.what) for each in map_.check()] == [
         (second.name, "its pose is damaged: add it again")
     ]
@@ -63,8 +63,9 @@ def test_poses_of_replaced_images_are_told_until_there_are_new_ones(
     (problem,) = map_.check()
     assert problem.image is None
     assert problem.what.startswith("1 poses are of images that were removed or replaced")
-    poses = Poses(tmp_path / "poses.txt", np.eye(3)[np.newaxis], np.zeros((1, 3)), None)
-    assert map_.add_poses(poses, CAMERA, [photos / "coins.png"]) == 1
+    rotations, centres = np.eye(3)[np.newaxis], np.zeros((1, 3))
+    poses = PoseList(tmp_path / "poses.txt", CAMERA, rotations, centres, None)
+    assert map_.attach(poses, [photos / "coins.png"]) == 1
     assert map_.check() == []
 
 

@@ -16,6 +16,7 @@ from nearfar import __version__
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
+from nearfar.maps.sources import MAP_SOURCES
 from nearfar.methods import METHODS
 from nearfar.proposals import PROPOSERS
 from nearfar.registry import Registry
@@ -64,7 +65,14 @@ MODELS = (
 )
 """Networks of descriptors, and what their weights may be used for."""
 
-REGISTRIES: tuple[Registry[Any], ...] = (METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS)
+REGISTRIES: tuple[Registry[Any], ...] = (
+    METHODS,
+    PROPOSERS,
+    DESCRIPTORS,
+    ESTIMATORS,
+    EXPORTERS,
+    MAP_SOURCES,
+)
 """The registries of all kinds of plug-ins."""
 
 
@@ -144,7 +152,7 @@ def _table_of_models() -> Table:
 
 
 def list_command() -> None:
-    """Name the plug-ins of all kinds: methods, proposers, descriptors, estimators, export formats.
+    """Name the plug-ins of all kinds: methods, proposers, descriptors, estimators, and so on.
 
     Plug-ins of other installed packages are listed as well.
     """

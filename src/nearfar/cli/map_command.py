@@ -26,6 +26,7 @@ from nearfar.cli.options import (
 from nearfar.errors import SettingsError
 from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
+from nearfar.maps.sources import ImagePoses
 from nearfar.runtime import logs
 from nearfar.runtime.extras import require
 from nearfar.runtime.metrics import Meter
@@ -34,7 +35,6 @@ from nearfar.runtime.progress import shown_progress
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from nearfar.cli.options import Attach
     from nearfar.maps.build import Added
     from nearfar.maps.map import Map
     from nearfar.storage.locations import Location
@@ -70,10 +70,10 @@ def build_command(
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    attachments = world.read()
+    sources = world.read()
     opened = open_map(out, create=True, max_size=max_size, settings=settings)
     _add(opened, images, work)
-    _attach(attachments, opened, images)
+    _attach(sources, opened, images)
 
 
 @map_app.command(name="add")
@@ -96,10 +96,10 @@ def add_command(
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    attachments = world.read()
+    sources = world.read()
     opened = open_map(folder, settings=settings)
     _add(opened, images, work)
-    _attach(attachments, opened, images)
+    _attach(sources, opened, images)
 
 
 @map_app.command(name="remove")
@@ -284,9 +284,9 @@ def _names(queries: "Sequence[Location]") -> list[str]:
     return list(names)
 
 
-def _attach(attachments: "list[Attach]", opened: "Map", images: "Sequence[Location]") -> None:
-    for attach in attachments:
-        _say(f"{attach(opened, images)} images have a pose")
+def _attach(sources: list[ImagePoses], opened: "Map", images: "Sequence[Location]") -> None:
+    for source in sources:
+        _say(f"{opened.attach(source, images)} images have a pose")
 
 
 def _add(opened: "Map", images: "Sequence[Location]", work: WorkOptions) -> None:

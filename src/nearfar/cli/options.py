@@ -4,28 +4,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
 from nearfar.errors import SettingsError
-from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import PACKAGES
-from nearfar.maps.world.places import PoseFormat
+from nearfar.maps.sources import ImagePoses, read_source
 from nearfar.runtime import logs
 from nearfar.runtime.extras import require
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Url, location
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from nearfar.maps.map import Map
-    from nearfar.storage.locations import Location
-
-    Attach = Callable[[Map, Sequence[Location]], int]
-    """Attaches to images of a map what was read, and tells to how many."""
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
@@ -100,46 +90,34 @@ def with_weights(settings: Settings, weights: tuple[str, ...]) -> Settings:
 class WorldOptions:
     """Where cameras and poses of IMAGES are."""
 
-    colmap: Path | None = None
-    """COLMAP model of IMAGES: the folder of cameras, images and points3D."""
-
-    poses: Path | None = None
-    """Poses of IMAGES, in their order or by their names."""
-
-    pose_format: PoseFormat = "kitti"
-    """Of --poses: a 3x4 matrix a line, or time, centre and quaternion a line; both from the camera
-    to the world."""
+    poses: Annotated[tuple[str, ...], Parameter(negative="", metavar="SOURCE=PATH")] = ()
+    """Cameras and poses of IMAGES by a map source (nearfar list): colmap=FOLDER of a model,
+    kitti=FILE or tum=FILE with poses from the camera to the world, in the order of IMAGES or by
+    their names."""
 
     intrinsics: Path | None = None
-    """With --poses, the camera that took IMAGES: JSON file {"map": [fx, fy, cx, cy]} in pixels of
-    the original images, or KITTI's calib.txt."""
+    """For the map sources kitti and tum, the camera that took IMAGES: JSON file
+    {"map": [fx, fy, cx, cy]} in pixels of the original images, or KITTI's calib.txt."""
 
-    def read(self) -> "list[Attach]":
+    def read(self) -> list[ImagePoses]:
         """Read the files, so that those that cannot be read are known before a map is built.
 
         Raises:
             IntrinsicsError: the intrinsics cannot be read.
-            MapError: the model or the poses cannot be read.
-            SettingsError: one of --poses and --intrinsics is missing.
+            MapError: a model or poses cannot be read.
+            SettingsError: there is no such map source, it lacks the intrinsics, or there are
+                intrinsics without --poses.
         """
         require("map", *PACKAGES)
-        attachments: list[Attach] = []
-        if (self.poses is None) != (self.intrinsics is None):
-            raise SettingsError(
-                "--poses and --intrinsics, of the camera of the map, need each other"
-            )
-        if self.colmap is not None:
-            from nearfar.maps.world.colmap import ColmapModel
-
-            model = ColmapModel(self.colmap)
-            attachments.append(lambda map_, images: map_.add_model(model, images))
-        if self.poses is not None and self.intrinsics is not None:
-            from nearfar.maps.world.poses import read_poses
-
-            poses = read_poses(self.poses, self.pose_format)
-            camera = read_camera(self.intrinsics, "map")
-            attachments.append(lambda map_, images: map_.add_poses(poses, camera, images))
-        return attachments
+        if self.intrinsics is not None and not self.poses:
+            raise SettingsError("--intrinsics, of the camera of the map, needs --poses")
+        found = []
+        for item in self.poses:
+            name, equals, path = item.partition("=")
+            if not (name and equals and path):
+                raise SettingsError(f"--poses needs SOURCE=PATH, e.g. kitti={item}, not {item!r}")
+            found.append(read_source(name, path, self.intrinsics))
+        return found
 
 
 NO_WORLD = WorldOptions()

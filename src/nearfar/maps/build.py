@@ -11,8 +11,8 @@ from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.maps.files import content_hash, has_state, name_of, state_of
+from nearfar.maps.images import levels, open_image
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
-from nearfar.maps.sources import levels, open_image
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import OK, Indexed, MapImage, packed_keypoints
 from nearfar.runtime.metrics import Meter, RunMetrics

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.errors import ImageError
-from nearfar.maps.sources import copied
+from nearfar.maps.images import copied
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
-from nearfar.maps.world.views import View, ViewStore
+from nearfar.maps.world.pose_store import PoseStore
 from nearfar.storage.locations import FileState, Location, Url, location
 
 SETTLED = 2 * 10**9
@@ -105,10 +105,8 @@ class Problem:
     what: str
 
 
-ROTATION_ERROR = 1e-3
-"""Largest difference of a rotation times its transpose from the identity."""
-VIEWS_AT_ONCE = 500
-"""That are held in memory."""
+POSES_AT_ONCE = 500
+"""Number of poses that are held in memory."""
 
 
 def check_map(store: MapStore, *, content: bool = False) -> list[Problem]:
@@ -133,7 +131,7 @@ def check_map(store: MapStore, *, content: bool = False) -> list[Problem]:
             found.append(Problem(image.name, "its tiles are missing: remove and add it"))
         if counts.get(image.id, 0) != image.landmarks:
             found.append(Problem(image.name, "landmarks are missing: remove and add it"))
-    found += _of_poses(ViewStore(store.folder), images)
+    found += _of_poses(PoseStore(store.folder), images)
     left = store.orphans()
     if left:
         what = (
@@ -154,26 +152,16 @@ def _of_file(image: MapImage, store: MapStore, *, content: bool) -> Iterator[str
         yield "the file has changed: build the map again"
 
 
-def _of_poses(store: ViewStore, images: Sequence[MapImage]) -> Iterator[Problem]:
+def _of_poses(store: PoseStore, images: Sequence[MapImage]) -> Iterator[Problem]:
     """What is wrong with the poses of images."""
     names = {image.id: image.name for image in images}
-    posed = store.ids()
-    old = len(posed - names.keys())
+    ids = store.ids()
+    old = len(ids - names.keys())
     if old:
         what = f"{old} poses are of images that were removed or replaced: add their poses again"
         yield Problem(None, what)
-    known = sorted(posed & names.keys(), key=names.__getitem__)
-    for start in range(0, len(known), VIEWS_AT_ONCE):
-        for number, view in store.get(known[start : start + VIEWS_AT_ONCE]).items():
-            if not _is_sound(view):
+    known = sorted(ids & names.keys(), key=names.__getitem__)
+    for start in range(0, len(known), POSES_AT_ONCE):
+        for number, posed in store.get(known[start : start + POSES_AT_ONCE]).items():
+            if not posed.valid:
                 yield Problem(names[number], "its pose is damaged: add it again")
-
-
-def _is_sound(view: View) -> bool:
-    """Whether camera and pose are finite and the rotation is one."""
-    camera = view.camera
-    numbers = [camera.fx, camera.fy, camera.cx, camera.cy, *view.centre, *view.rotation.ravel()]
-    if not np.isfinite(numbers).all() or len(view.observed) != len(view.points):
-        return False
-    error = np.abs(view.rotation @ view.rotation.T - np.eye(3)).max()
-    return bool(error < ROTATION_ERROR and np.linalg.det(view.rotation) > 0)

@@ -16,16 +16,16 @@ from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, VerifiedCandidate
 from nearfar.maps.files import file_of, is_unchanged
+from nearfar.maps.images import copied, open_image
 from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
-from nearfar.maps.sources import copied, open_image
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localized_in
 from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
 from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
-from nearfar.maps.world.views import ViewStore
 from nearfar.methods.adaptive.method import AdaptiveFeatures
 from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
 from nearfar.methods.adaptive.zoom import scaled
@@ -68,7 +68,7 @@ class MapLocator:
         self._describer = LandmarkDescriber(settings)
         self._localizer = Localizer(settings, cache_bytes=CACHED, same_place=True)
         self._images = {image.id: image for image in store.images() if image.usable}
-        self._views = ViewStore(store.folder)
+        self._poses = PoseStore(store.folder)
 
     def locate(
         self, source: ImageSource, top: int, candidates: int, camera: CameraIntrinsics | None = None
@@ -84,7 +84,7 @@ class MapLocator:
         for views in ((FRONTAL,), ASIDE):
             waiting = self._candidates(query, views, most, timer)
             seen.update(self._images[candidate.image] for candidate in waiting)
-            posing = Posing.of(self._views, seen, camera)
+            posing = Posing.of(self._poses, seen, camera)
             wanted = top if posing is None else max(top, VIEWS)
             with timer.stage("verification"):
                 checked, found = self._verified(waiting, query, posing, wanted, candidates)

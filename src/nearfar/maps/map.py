@@ -2,35 +2,31 @@
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike
 
 from nearfar.errors import MapError, SettingsError
-from nearfar.geometry.intrinsics import CameraIntrinsics, CameraSource, read_camera
+from nearfar.geometry.intrinsics import CameraSource, read_camera
 from nearfar.imaging.image import ImageSource
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.creation import create
 from nearfar.maps.files import Problem, check_map, name_of
+from nearfar.maps.images import ImageFiles, image_files
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
-from nearfar.maps.sources import image_files
+from nearfar.maps.sources import GivenImage, ImagePoses
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
-from nearfar.maps.world.colmap import ColmapModel
-from nearfar.maps.world.poses import Poses
-from nearfar.maps.world.views import View, ViewStore
+from nearfar.maps.world.pose_store import PoseStore
+from nearfar.maps.world.scene import PosedImage
 from nearfar.runtime.progress import Progress, silent
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
-from nearfar.storage.locations import Location, Url, location
+from nearfar.storage.locations import Location, location
 
 TOP, CANDIDATES = 1, 5
 """Answers to seek, and candidates to verify for them."""
-
-
-ImageFile = str | PathLike[str] | Url
-ImageFiles = ImageFile | Iterable[ImageFile]
-"""Files and folders, or URLs of them."""
 
 
 class Map:
@@ -139,8 +135,8 @@ class Map:
         Where 200,000 landmarks have no index, one is built.
 
         Args:
-            images: files, and folders, of which all images are added; paths, or URLs of object
-                storage.
+            images: files, folders, of which all images are added, and patterns such as
+                "photos/*.jpg"; paths, or URLs of object storage; or an `ImageSet`.
             jobs: local processes.
             scheduler: address of a Dask cluster whose workers describe the images instead; they
                 read the files themselves, at the same paths.
@@ -157,60 +153,44 @@ class Map:
         if jobs < 1:
             raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
-        files = image_files(_locations(images))
+        files = image_files(images)
         workers = Workers(jobs, scheduler)
         with self._changing():
             added = add_images(self._store, files, self.settings, workers, progress)
             self._store.index()
             return added
 
-    def add_model(self, model: ColmapModel, images: ImageFiles) -> int:
-        """Attach cameras, poses and points of a COLMAP model to images of the map.
+    def attach(self, source: ImagePoses, images: ImageFiles) -> int:
+        """Attach the cameras and poses of a map source to images of the map.
 
         Args:
-            model: the model.
-            images: files and folders that were added; those not in the model are left out.
+            source: what `nearfar.maps.sources.read_source` returns, or poses of your own.
+            images: images that were added, in the order of the source where it has no names.
 
         Returns:
-            How many images have a pose now by the model.
+            How many images have a pose now by the source.
 
         Raises:
-            MapError: no image is in the model, or it does not fit, or another process is writing.
+            MapError: no image has a pose in the source, it does not fit the images, gives
+                something else than poses of them, or another process is writing.
         """
-        world = name_of(model.folder, self.folder)
+        files, world = image_files(images), name_of(source.path, self.folder)
         with self._changing():
-            found = [image for image in self._of_files(image_files(_locations(images))) if image]
-            return self._attached(model.views(world, found))
-
-    def add_poses(self, poses: Poses, camera: CameraIntrinsics, images: ImageFiles) -> int:
-        """Attach a list of poses to images of the map.
-
-        Args:
-            poses: the list.
-            camera: that took all these images, in pixels of the original images.
-            images: files and folders that were added, in the order of the list.
-
-        Returns:
-            How many images have a pose now by the list.
-
-        Raises:
-            MapError: the list does not fit the images, or another process is writing.
-        """
-        files, world = image_files(_locations(images)), name_of(poses.file, self.folder)
-        with self._changing():
-            return self._attached(poses.views(world, camera, files, self._of_files(files)))
-
-    def _attached(self, views: dict[int, View]) -> int:
-        """Put views, and remove those of images that are no longer there; how many were put."""
-        store = ViewStore(self.folder)
-        store.put(views)
-        store.remove(store.ids() - {image.id for image in self._store.images()})
-        return len(views)
-
-    def _of_files(self, files: Iterable[Location]) -> list[MapImage | None]:
-        """The image of each file; None where it is not in the map or could not be read."""
-        known = {image.name: image for image in self._store.images() if image.usable}
-        return [known.get(name_of(file, self.folder)) for file in files]
+            ids = {image.name: image.id for image in self.images}
+            usable = {image.name: image for image in self.images if image.usable}
+            given = []
+            for name in (name_of(file, self.folder) for file in files):
+                image = usable.get(name)
+                size = (0, 0) if image is None else (image.width, image.height)
+                given.append(GivenImage(name, *size))
+            poses = source.posed(given)
+            for name, posed in poses.items():
+                if name not in usable or not isinstance(posed, PosedImage) or not posed.valid:
+                    raise MapError(f"the map source {source.path} gives no valid pose of {name!r}")
+            store = PoseStore(self.folder)
+            store.put({ids[name]: replace(each, world=world) for name, each in poses.items()})
+            store.remove(store.ids() - set(ids.values()))
+            return len(poses)
 
     def remove(self, names: Iterable[str | PathLike[str]]) -> int:
         """Remove images.
@@ -228,13 +208,13 @@ class Map:
             ids = {image.name: image.id for image in self._store.images()}
             chosen = {self._id_of(str(name), ids) for name in names}
             self._store.remove(chosen)
-            ViewStore(self.folder).remove(chosen)
+            PoseStore(self.folder).remove(chosen)
         return len(chosen)
 
     @property
     def posed(self) -> set[int]:
         """Ids of the images whose camera and pose are known."""
-        return ViewStore(self.folder).ids()
+        return PoseStore(self.folder).ids()
 
     def check(self, *, content: bool = False) -> list[Problem]:
         """Return what is wrong with the map, the files of its images and their poses.
@@ -269,8 +249,3 @@ class Map:
             if known in ids:
                 return ids[known]
         raise MapError(f"{name!r} is not in the map {self.folder}: see `nearfar map info`")
-
-
-def _locations(images: ImageFiles) -> list[Location]:
-    several = [images] if isinstance(images, (str, PathLike, Url)) else images
-    return [location(image) for image in several]

@@ -8,8 +8,8 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.maps.tables import MapImage
-from nearfar.maps.world.colmap import ColmapModel
+from nearfar.maps.sources import GivenImage
+from nearfar.maps.sources.colmap import ColmapModel
 from nearfar.maps.world.places import QueryPose
 from tests.maps.conftest import write
 from tests.maps.world.conftest import Tour
@@ -30,26 +30,29 @@ def model(tour: Tour, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_model(tmp_path_factory.mktemp("colmap") / "sparse", tour.room, views)
 
 
-def map_image(number: int, name: str, size: tuple[int, int] = SIZE) -> MapImage:
-    return MapImage(number, name, "", *size, "ok", 0)
+def image(name: str, size: tuple[int, int] = SIZE) -> GivenImage:
+    return GivenImage(name, *size)
 
 
-def test_views_are_those_of_the_room(tour: Tour, model: Path) -> None:
-    views = ColmapModel(model).views("room", [map_image(7, "tour/images/000002.png")])
-    view, pose = views[7], tour.poses[2]
-    assert (view.world, view.camera) == ("room", CAMERA)
-    angle, distance = pose.errors(view.rotation, view.centre)
+def test_poses_are_those_of_the_room(tour: Tour, model: Path) -> None:
+    name = "tour/images/000002.png"
+    not_in_map = GivenImage("tour/images/000001.png", 0, 0)
+    found = ColmapModel(model).posed([image(name), not_in_map])
+    assert list(found) == [name]
+    posed, pose = found[name], tour.poses[2]
+    assert posed.camera == CAMERA
+    angle, distance = pose.errors(posed.rotation, posed.centre)
     assert angle < 1e-6
     assert distance < 1e-6
-    assert len(view.points) > 100
-    assert view.errors(view.points, view.observed).max() < 1e-3
+    assert len(posed.points) > 100
+    assert posed.errors(posed.points, posed.observed).max() < 1e-3
 
 
 def test_a_close_up_is_posed(
     tour: Tour, model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     query, map_ = write(tmp_path / "query.png", tour.room.seen(NEAR)), tour.copied("with-model")
-    built = ["map", "build", str(tour.images), "--out", str(map_), "--colmap", str(model)]
+    built = ["map", "build", str(tour.images), "--out", str(map_), "--poses", f"colmap={model}"]
     assert main(built) == 0
     assert "4 images have a pose" in capsys.readouterr().out
     camera = tmp_path / "camera.json"
@@ -73,12 +76,12 @@ def test_what_does_not_fit_says_why(model: Path, tmp_path: Path) -> None:
         ColmapModel(tmp_path)
     known = ColmapModel(model)
     with pytest.raises(MapError, match="no image is in the COLMAP model"):
-        known.views("room", [map_image(1, "other/000001.png")])
+        known.posed([image("other/000001.png")])
     with pytest.raises(MapError, match="800x560"):
-        known.views("room", [map_image(1, "images/000001.png", (400, 280))])
-    twice = [map_image(1, "a/images/000001.png"), map_image(2, "b/images/000001.png")]
+        known.posed([image("images/000001.png", (400, 280))])
+    twice = [image("a/images/000001.png"), image("b/images/000001.png")]
     with pytest.raises(MapError, match="may be"):
-        known.views("room", twice)
+        known.posed(twice)
     (model / "images.txt").rename(tmp_path / "images.txt")
     with pytest.raises(MapError, match="cannot be read"):
         ColmapModel(model)

@@ -16,7 +16,7 @@ from nearfar.cli import main
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import translation
 from nearfar.imaging.raster import tiff_header
-from nearfar.maps.sources import open_image
+from nearfar.maps.images import open_image
 from nearfar.maps.world.geotiff import geo_place
 from nearfar.maps.world.places import GeoPlace
 from tests.imaging.test_raster import write_tiff

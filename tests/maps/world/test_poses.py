@@ -8,10 +8,11 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.geometry.intrinsics import read_camera
+from nearfar.geometry.intrinsics import CameraIntrinsics, read_camera
 from nearfar.maps.map import Map
-from nearfar.maps.tables import MapImage
-from nearfar.maps.world.poses import Poses, read_poses
+from nearfar.maps.sources import GivenImage
+from nearfar.maps.sources.poses import Kitti, PoseList, Tum
+from nearfar.settings import Settings
 from tests.maps.conftest import write
 from tests.maps.world.conftest import Tour
 from tests.maps.world.room import CAMERA, Pose
@@ -21,12 +22,18 @@ AHEAD = Pose.of(0, 0, -1)
 """Straight ahead of image 1."""
 
 
-def posed(poses: Poses, names: list[str]) -> dict[str, float]:
+def posed(poses: PoseList, names: list[str]) -> dict[str, float]:
     """Images by name, and the x of the pose that each has."""
-    files = [Path(name) for name in names]
-    images = [MapImage(i, name, "", 8, 6, "ok", 0) for i, name in enumerate(names)]
-    views = poses.views("world", CAMERA, files, images)
-    return {names[number]: float(view.centre[0]) for number, view in views.items()}
+    found = poses.posed([GivenImage(name, 8, 6) for name in names])
+    return {name: float(each.centre[0]) for name, each in found.items()}
+
+
+def read_kitti(file: Path, camera: CameraIntrinsics = CAMERA) -> PoseList:
+    return Kitti("kitti", Settings()).read(file, camera)
+
+
+def read_tum(file: Path) -> PoseList:
+    return Tum("tum", Settings()).read(file, CAMERA)
 
 
 def write_kitti(file: Path, poses: list[Pose]) -> Path:
@@ -45,7 +52,7 @@ def write_tum(file: Path, poses: list[Pose], times: list[float]) -> Path:
 
 def test_kitti_rows_by_number_or_by_order(tmp_path: Path) -> None:
     poses = [Pose.of(x, 0, 0, 10 * x) for x in range(5)]
-    read = read_poses(write_kitti(tmp_path / "poses.txt", poses), "kitti")
+    read = read_kitti(write_kitti(tmp_path / "poses.txt", poses))
     for pose, rotation, centre in zip(poses, read.rotations, read.centres, strict=True):
         angle, distance = pose.errors(rotation, centre)
         assert max(angle, distance) < 1e-5
@@ -64,7 +71,7 @@ def test_kitti_rows_by_number_or_by_order(tmp_path: Path) -> None:
 def test_tum_rows_by_time(tmp_path: Path) -> None:
     poses = [Pose.of(x, 1, 2, 10 * x, -5) for x in range(4)]
     times = [1305031102.10, 1305031102.20, 1305031102.30, 1305031102.25]
-    read = read_poses(write_tum(tmp_path / "poses.txt", poses, times), "tum")
+    read = read_tum(write_tum(tmp_path / "poses.txt", poses, times))
     angle, distance = poses[3].errors(read.rotations[2], read.centres[2])
     assert max(angle, distance) < 1e-4
     found = posed(read, ["1305031102.256.png", "1305031102.1021.png", "1305031109.1.png"])
@@ -90,7 +97,7 @@ def test_tum_rows_by_time(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path, text: str, pose_format: str) -> None:
     (tmp_path / "poses.txt").write_text(text)
     with pytest.raises(MapError, match=r"poses\.txt"):
-        read_poses(tmp_path / "poses.txt", "kitti" if pose_format == "kitti" else "tum")
+        (read_kitti if pose_format == "kitti" else read_tum)(tmp_path / "poses.txt")
 
 
 @pytest.fixture(scope="session")
@@ -100,7 +107,7 @@ def posed_map(tour: Tour, tmp_path_factory: pytest.TempPathFactory) -> Path:
     poses = write_kitti(folder / "poses.txt", list(tour.poses))
     camera = folder / "camera.json"
     camera.write_text(json.dumps({"map": [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy]}))
-    options = ["--poses", str(poses), "--intrinsics", str(camera)]
+    options = ["--poses", f"kitti={poses}", "--intrinsics", str(camera)]
     assert main(["map", "add", str(map_), str(tour.images), *options]) == 0
     return map_
 
@@ -131,7 +138,7 @@ def test_one_map_image_tells_a_direction(
     image, query = tour.images / "000001.png", write(tmp_path / "q.png", tour.room.seen(AHEAD))
     map_ = open_map(tour.copied("with-one-pose"))
     poses = write_kitti(tmp_path / "poses.txt", list(tour.poses))
-    assert map_.add_poses(read_poses(poses, "kitti"), CAMERA, [image]) == 1
+    assert map_.attach(read_kitti(poses), [image]) == 1
     pose = map_.locate(query, intrinsics=CAMERA).pose
     assert pose is not None
     assert pose.source == "one image"
@@ -169,9 +176,13 @@ def test_poses_and_intrinsics_need_each_other(
 ) -> None:
     poses = write_kitti(tmp_path / "poses.txt", list(tour.poses))
     map_ = tmp_path / "map"
-    built = ["map", "build", str(tour.images), "--out", str(map_), "--poses", str(poses)]
+    built = ["map", "build", str(tour.images), "--out", str(map_), "--poses", f"kitti={poses}"]
     assert main(built) == 2
-    assert "--intrinsics" in capsys.readouterr().err
+    assert "give them with --intrinsics" in capsys.readouterr().err
+    assert main([*built[:-1], str(poses)]) == 2
+    assert "--poses needs SOURCE=PATH, e.g. kitti=" in capsys.readouterr().err
+    assert main([*built[:-2], "--intrinsics", str(poses)]) == 2
+    assert "needs --poses" in capsys.readouterr().err
     assert not Map.exists(map_)
 
 
@@ -179,11 +190,11 @@ def test_kitti(extra_data: Path, tmp_path: Path) -> None:
     """Five frames of a drive, about 6 m apart each; every other is in the map."""
     sequence = extra_data / "kitti" / "sequences" / "03"
     frames = [sequence / "image_0" / f"{number:06d}.png" for number in range(100, 150, 10)]
-    poses = read_poses(extra_data / "kitti" / "poses" / "03.txt", "kitti")
     camera = read_camera(sequence / "calib.txt", "map")
+    poses = read_kitti(extra_data / "kitti" / "poses" / "03.txt", camera)
     map_ = open_map(tmp_path / "map", create=True)
     map_.add(frames[::2])
-    assert map_.add_poses(poses, camera, frames[::2]) == 3
+    assert map_.attach(poses, frames[::2]) == 3
     for frame in frames[1::2]:
         pose = map_.locate(frame, intrinsics=camera).pose
         assert pose is not None

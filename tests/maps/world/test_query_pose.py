@@ -6,8 +6,13 @@ import pytest
 from nearfar.arrays import Coordinates
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.maps.world.query_pose import query_pose
-from nearfar.maps.world.scene import ViewMatches, meeting_point, of_tracks, triangulated
-from nearfar.maps.world.views import View
+from nearfar.maps.world.scene import (
+    ImageMatches,
+    PosedImage,
+    meeting_point,
+    of_tracks,
+    triangulated,
+)
 
 pytest.importorskip("lancedb")
 from tests.maps.world.room import CAMERA, Pose
@@ -25,23 +30,23 @@ def seen(pose: Pose, points: np.ndarray) -> Coordinates:
 
 def matches(
     pose: Pose, points: np.ndarray, *, known: bool = False, world: str = "room", wrong: int = 0
-) -> ViewMatches:
+) -> ImageMatches:
     """Exact matches of a map image and the query, of which the first are wrong."""
     rng = np.random.default_rng(1)
     in_view, in_query = seen(pose, points), seen(QUERY, points)
     in_query[:wrong] = rng.uniform(0, 500, (wrong, 2))
     shift = rng.uniform(-3, 3, in_view.shape)
-    view = View(
-        world,
+    posed = PosedImage(
         CAMERA,
         pose.rotation,
         pose.centre,
         in_view + shift if known else np.empty((0, 2)),
         on_rays(pose, points, shift) if known else np.empty((0, 3)),
+        world,
     )
     moved = pose.rotation.T @ (QUERY.centre - pose.centre)
     relative = RelativePose(pose.rotation.T @ QUERY.rotation, moved / np.linalg.norm(moved))
-    return ViewMatches(f"{world} {pose.centre[2]}", view, in_view, in_query, 1.0, relative)
+    return ImageMatches(f"{world} {pose.centre[2]}", posed, in_view, in_query, 1.0, relative)
 
 
 def on_rays(pose: Pose, points: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -98,8 +103,7 @@ def test_nearly_parallel_directions_do_not_meet(points: np.ndarray) -> None:
 
 def test_triangulation_is_exact_far_from_the_origin(points: np.ndarray) -> None:
     first, second = (
-        View("map", CAMERA, pose.rotation, pose.centre + EAST, np.empty((0, 2)), np.empty((0, 3)))
-        for pose in (BEHIND, BESIDE)
+        PosedImage(CAMERA, pose.rotation, pose.centre + EAST) for pose in (BEHIND, BESIDE)
     )
     there, good = triangulated(first, second, seen(BEHIND, points), seen(BESIDE, points))
     assert good.all()
@@ -109,10 +113,10 @@ def test_triangulation_is_exact_far_from_the_origin(points: np.ndarray) -> None:
 def test_triangulation_refuses_what_does_not_fit(points: np.ndarray) -> None:
     first, second = (matches(pose, points) for pose in (BEHIND, BESIDE))
     moved = second.seen + np.array([0, 20])
-    assert not triangulated(first.view, second.view, first.seen, moved)[1].any()
-    assert not triangulated(first.view, first.view, first.seen, first.seen)[1].any()
+    assert not triangulated(first.posed, second.posed, first.seen, moved)[1].any()
+    assert not triangulated(first.posed, first.posed, first.seen, first.seen)[1].any()
     behind = points * [1, 1, -1]
-    assert not triangulated(first.view, second.view, seen(BEHIND, behind), seen(BESIDE, behind))[
+    assert not triangulated(first.posed, second.posed, seen(BEHIND, behind), seen(BESIDE, behind))[
         1
     ].any()
 

@@ -12,8 +12,6 @@ WorldCoordinates = NDArray[np.float64]
 """(..., 2): easting and northing, or longitude and latitude, in this order whatever the CRS says;
 (..., 3) in the frame of a model or a list of poses."""
 
-PoseFormat = Literal["kitti", "tum"]
-"""Of lists of poses."""
 Source = Literal["model", "triangulation", "directions", "one image"]
 
 

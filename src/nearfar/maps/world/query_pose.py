@@ -15,8 +15,15 @@ from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.maps.answers import MapAnswer
 from nearfar.maps.tables import MapImage
 from nearfar.maps.world.places import QueryPose, Source
-from nearfar.maps.world.scene import ScenePoints, ViewMatches, meeting_point, of_model, of_tracks
-from nearfar.maps.world.views import View, ViewStore
+from nearfar.maps.world.pose_store import PoseStore
+from nearfar.maps.world.scene import (
+    ImageMatches,
+    PosedImage,
+    ScenePoints,
+    meeting_point,
+    of_model,
+    of_tracks,
+)
 
 VIEWS = 3
 """Map images that are sought for a pose: it takes two to triangulate."""
@@ -28,31 +35,31 @@ class Posing:
 
     Attributes:
         camera: of the query, in its pixels.
-        views: by name of the map image.
+        posed: map images whose camera and pose are known, by name.
     """
 
     camera: CameraIntrinsics
-    views: dict[str, View]
+    posed: dict[str, PosedImage]
 
     @staticmethod
     def of(
-        store: ViewStore, images: Iterable[MapImage], camera: CameraIntrinsics | None
+        store: PoseStore, images: Iterable[MapImage], camera: CameraIntrinsics | None
     ) -> "Posing | None":
         """What is known; None where the query's camera, or that of all the images, is not."""
         if camera is None:
             return None
         names = {image.id: image.name for image in images}
-        views = {names[key]: view for key, view in store.get(list(names)).items()}
-        return Posing(camera, views) if views else None
+        posed = {names[key]: each for key, each in store.get(list(names)).items()}
+        return Posing(camera, posed) if posed else None
 
     def cameras(self, image: str) -> Intrinsics | None:
         """Of a map image (far) and the query (near); None where that of the image is not known."""
-        view = self.views.get(image)
-        return None if view is None else Intrinsics(view.camera, self.camera)
+        posed = self.posed.get(image)
+        return None if posed is None else Intrinsics(posed.camera, self.camera)
 
     def apart(self, image: str, other: str) -> float:
         """Distance between the cameras of two map images; infinite where it is not known."""
-        first, second = self.views.get(image), self.views.get(other)
+        first, second = self.posed.get(image), self.posed.get(other)
         if first is None or second is None or first.world != second.world:
             return math.inf
         return float(np.linalg.norm(first.centre - second.centre))
@@ -65,20 +72,20 @@ class Posing:
             seed: of every random choice.
         """
         matches = [
-            _matches(answer, self.views[answer.image])
+            _matches(answer, self.posed[answer.image])
             for answer in answers
-            if answer.image in self.views
+            if answer.image in self.posed
         ]
         return query_pose(matches, self.camera, seed)
 
 
-def _matches(answer: MapAnswer, view: View) -> ViewMatches:
+def _matches(answer: MapAnswer, posed: PosedImage) -> ImageMatches:
     points, found = answer.points, answer.localization
     working = found.near.width / found.near.pixels.shape[1]
     model = answer.far_from_near
-    return ViewMatches(
+    return ImageMatches(
         answer.image,
-        view,
+        posed,
         points.far[points.inliers],
         points.near[points.inliers],
         max(working, found.scale_change or 0.0),
@@ -95,7 +102,7 @@ ITERATIONS = 10_000
 
 
 def query_pose(
-    matches: Sequence[ViewMatches], camera: CameraIntrinsics, seed: int
+    matches: Sequence[ImageMatches], camera: CameraIntrinsics, seed: int
 ) -> QueryPose | None:
     """The pose of a query.
 
@@ -107,10 +114,10 @@ def query_pose(
     Returns:
         The pose; None where there are no matches, or neither pose nor direction can be told.
     """
-    same = [each for each in matches if each.view.world == matches[0].view.world]
+    same = [each for each in matches if each.posed.world == matches[0].posed.world]
     if not same:
         return None
-    source: Source = "model" if any(len(each.view.points) for each in same) else "triangulation"
+    source: Source = "model" if any(len(each.posed.points) for each in same) else "triangulation"
     scene = of_model(same) if source == "model" else of_tracks(same)
     pixel = float(np.median([each.pixel for each in same]))
     found = _absolute(scene, camera, LARGEST_ERROR * pixel, seed)
@@ -118,7 +125,7 @@ def query_pose(
         return _by_directions(same)
     rotation, centre, inliers = found
     return QueryPose(
-        same[0].view.world,
+        same[0].posed.world,
         rotation,
         centre,
         None,
@@ -157,21 +164,21 @@ def _absolute(
     return rotation, centre, inliers
 
 
-def _by_directions(matches: Sequence[ViewMatches]) -> QueryPose | None:
+def _by_directions(matches: Sequence[ImageMatches]) -> QueryPose | None:
     """Where the directions from several map images meet, or the direction from the best alone."""
-    directed = [(each, each.view_from_query) for each in matches if each.view_from_query]
+    directed = [(each, each.map_from_query) for each in matches if each.map_from_query]
     if not directed:
         return None
     best, pose = directed[0]
     directions = np.array(
-        [each.view.rotation @ relative.translation for each, relative in directed]
+        [each.posed.rotation @ relative.translation for each, relative in directed]
     )
-    origins = np.array([each.view.centre for each, _ in directed])
+    origins = np.array([each.posed.centre for each, _ in directed])
     place = _meeting_place(origins, directions)
     used = directed[:1] if place is None else directed
     return QueryPose(
-        best.view.world,
-        best.view.rotation @ pose.rotation,
+        best.posed.world,
+        best.posed.rotation @ pose.rotation,
         place,
         directions[0] if place is None else None,
         "one image" if place is None else "directions",

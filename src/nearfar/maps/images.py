@@ -4,15 +4,17 @@ Of GeoTIFFs, and of TIFFs that are too large to be held in memory, only tiles ar
 """
 
 import functools
+import glob
 import itertools
 import math
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import overload
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -23,7 +25,8 @@ from nearfar.errors import ImageError, MapError
 from nearfar.imaging.image import FORMATS, Image, read_image
 from nearfar.imaging.raster import Raster, open_raster, tiff_header
 from nearfar.imaging.tiles import Core, Tile
-from nearfar.storage.locations import FileState, Location, Url
+from nearfar.render import save
+from nearfar.storage.locations import FileState, Location, Url, location
 
 TILE = 1600
 """Longest side of a tile, in its pixels: the size at which pairs of images are localized."""
@@ -121,45 +124,97 @@ def _copy(file: Url, _: FileState) -> _Copy:
     return _Copy(file)
 
 
-@overload
-def image_files(sources: Iterable[Path]) -> list[Path]: ...
+@runtime_checkable
+class ImageSet(Protocol):
+    """Images for a map from anywhere, e.g. a catalogue."""
+
+    def files(self) -> Iterable[Location]:
+        """Return the files of the images; a map keeps their names, not their pixels.
+
+        Raises:
+            MapError: there are none.
+        """
 
 
-@overload
-def image_files(sources: Iterable[Location]) -> list[Location]: ...
+ImageFile = str | PathLike[str] | Url
+ImageFiles = ImageFile | ImageSet | Iterable[ImageFile | ImageSet]
+"""Files, folders, patterns of files, or URLs of them; or sets of images."""
 
 
-def image_files(sources: Iterable[Path] | Iterable[Location]) -> list[Path] | list[Location]:
-    """Files as they are named, and all images in folders and in folders below, without duplicates.
+@dataclass(frozen=True)
+class NamedImages:
+    """One image, all images in a folder and the folders below, or those that fit a pattern.
+
+    Attributes:
+        place: file or folder; or, on a disk, a pattern with *, ? or [...], where no such file is.
+    """
+
+    place: Location
+
+    def files(self) -> list[Location]:
+        """See `ImageSet.files`."""
+        if self.place.is_file():
+            return [self.place]
+        if self.place.is_dir():
+            return self._in_folder(self.place)
+        if isinstance(self.place, Path) and glob.has_magic(str(self.place)):
+            found = [Path(each) for each in glob.glob(str(self.place), recursive=True)]  # noqa: PTH207
+            if found:
+                return sorted((each for each in found if each.is_file()), key=str)
+            raise MapError(f"no file fits the pattern {self.place}")
+        raise MapError(f"{self.place} does not exist")
+
+    @staticmethod
+    def _in_folder(folder: Location) -> list[Location]:
+        known = PillowImage.registered_extensions()
+        suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
+        below: Iterable[Location] = folder.below() if isinstance(folder, Url) else _below(folder)
+        inside = sorted((each for each in below if each.suffix.lower() in suffixes), key=str)
+        if not inside:
+            raise MapError(f"the folder {folder} holds no images")
+        return inside
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayImages:
+    """Images that are arrays; they are written as PNG files, since a map names files.
+
+    Attributes:
+        folder: for the files, made where missing.
+        arrays: pixels, (height, width, 3) RGB uint8, by the name of the file without suffix.
+    """
+
+    folder: Path
+    arrays: Mapping[str, RGBPixels]
+
+    def files(self) -> list[Location]:
+        """See `ImageSet.files`.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return [save(pixels, self.folder / f"{name}.png") for name, pixels in self.arrays.items()]
+
+
+def image_files(images: ImageFiles) -> list[Location]:
+    """Return the files of images, without duplicates.
 
     Raises:
         MapError: there is no such file, or no image in a folder.
         StorageError: one is in object storage that does not answer.
     """
-    known = PillowImage.registered_extensions()
-    suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
     found: dict[Location, None] = {}
-    for source in sources:
-        if source.is_file():
-            inside: list[Location] = [source]
-        elif source.is_dir():
-            inside = [each for each in _below(source) if each.suffix.lower() in suffixes]
-            inside.sort(key=str)
-            if not inside:
-                raise MapError(f"the folder {source} holds no images")
-        else:
-            raise MapError(f"{source} does not exist")
-        found.update(
-            dict.fromkeys(each.resolve() if isinstance(each, Path) else each for each in inside)
-        )
+    for each in [images] if isinstance(images, (str, PathLike, Url, ImageSet)) else images:
+        chosen = each if isinstance(each, ImageSet) else NamedImages(location(each))
+        for file in chosen.files():
+            found[file.resolve() if isinstance(file, Path) else file] = None
     return list(found)
 
 
-def _below(folder: Location) -> Iterator[Location]:
-    """All files in a folder and in folders below."""
-    if isinstance(folder, Path):
-        return (each for each in folder.rglob("*") if each.is_file() or not each.exists())
-    return folder.below()
+def _below(folder: Path) -> Iterator[Path]:
+    """Return all files in a folder and in folders below, and links that lead nowhere."""
+    return (each for each in folder.rglob("*") if each.is_file() or not each.exists())
 
 
 def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:

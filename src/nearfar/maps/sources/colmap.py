@@ -1,6 +1,6 @@
 """COLMAP models: cameras, poses and points of the images of a map. Needs the extra `colmap`."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -9,86 +9,89 @@ import numpy as np
 
 from nearfar.errors import IntrinsicsError, MapError
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
-from nearfar.maps.tables import MapImage
-from nearfar.maps.world.views import View
+from nearfar.maps.sources import MAP_SOURCES, GivenImage, MapSource
+from nearfar.maps.world.scene import PosedImage
 from nearfar.runtime.extras import require
 
 
+@MAP_SOURCES.register("colmap")
+class Colmap(MapSource):
+    """Folder of cameras, images and points3D, binary or text, as COLMAP writes it."""
+
+    def read(self, path: Path, camera: CameraIntrinsics | None) -> "ColmapModel":
+        """See `MapSource.read`; `camera` is not used."""
+        del camera
+        return ColmapModel(path)
+
+
 class ColmapModel:
-    """A model that COLMAP wrote, binary or text, and its views.
+    """A model that COLMAP wrote, binary or text.
 
     Args:
-        folder: of the model.
+        path: folder of the model.
 
     Raises:
         MapError: the model cannot be read.
         MissingExtraError: the extra `colmap` is not installed.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, path: Path) -> None:
         require("colmap", "pycolmap")
         import pycolmap
 
         try:
-            self._model: Any = pycolmap.Reconstruction(folder)
+            self._model: Any = pycolmap.Reconstruction(path)
         except Exception as error:  # Damaged files make COLMAP raise whatever it likes.
-            raise MapError(f"the COLMAP model {folder} cannot be read: {error}") from error
-        self.folder = folder
+            raise MapError(f"the COLMAP model {path} cannot be read: {error}") from error
+        self.path = path
         self._posed = {image.name: image for image in self._model.images.values() if image.has_pose}
         if not self._posed:
-            raise MapError(f"the COLMAP model {folder} has no image with a pose")
+            raise MapError(f"the COLMAP model {path} has no image with a pose")
 
-    def views(self, world: str, images: Iterable[MapImage]) -> dict[int, View]:
-        """The views of those of some map images that are in the model, by the image's id.
+    def posed(self, images: Sequence[GivenImage]) -> dict[str, PosedImage]:
+        """See `ImagePoses.posed`.
 
-        An image of the model is the map image whose path ends with its name.
-
-        Args:
-            world: name for the model.
-            images: of the map.
+        An image of the model is the map image whose path ends with the model's name for it.
 
         Raises:
-            MapError: none of them is in the model, or a name fits several, or a size differs.
+            MapError: no image is in the model, a name fits several, or a size differs.
         """
-        of_name: dict[str, MapImage] = {}
+        of_name: dict[str, GivenImage] = {}
         for image in images:
-            name = self._name_in_model(image.name)
+            name = self._name_in_model(image.name) if image.usable else None
             if name is None:
                 continue
             if name in of_name:
                 raise MapError(
-                    f"{name} of the COLMAP model {self.folder} may be {of_name[name].name} or "
+                    f"{name} of the COLMAP model {self.path} may be {of_name[name].name} or "
                     f"{image.name}: add the images of one of the folders alone"
                 )
             of_name[name] = image
         if not of_name:
             raise MapError(
-                f"no image is in the COLMAP model {self.folder}, which names them "
+                f"no image is in the COLMAP model {self.path}, which names them "
                 f"{next(iter(self._posed))}"
             )
-        return {
-            image.id: self._view(world, self._posed[name], image) for name, image in of_name.items()
-        }
+        return {image.name: self._pose(self._posed[name], image) for name, image in of_name.items()}
 
     def _name_in_model(self, name: str) -> str | None:
-        """The longest end of a map image's path that the model has as a name."""
+        """Return the longest end of a map image's path that is a name of the model."""
         parts = PurePosixPath(name).parts
         ends = ("/".join(parts[start:]) for start in range(len(parts)))
         return next((end for end in ends if end in self._posed), None)
 
-    def _view(self, world: str, posed: Any, image: MapImage) -> View:
+    def _pose(self, posed: Any, image: GivenImage) -> PosedImage:
         camera = self._model.cameras[posed.camera_id]
         if (camera.width, camera.height) != (image.width, image.height):
             raise MapError(
                 f"{image.name} has {image.width}x{image.height} pixels, in the COLMAP model "
-                f"{self.folder} {camera.width}x{camera.height}: use the images of the model"
+                f"{self.path} {camera.width}x{camera.height}: use the images of the model"
             )
         world_from_camera = posed.cam_from_world().inverse().matrix()
         seen = posed.get_observation_points2D()
         observed = np.array([each.xy for each in seen], np.float64).reshape(-1, 2)
         points = [self._model.points3D[each.point3D_id].xyz for each in seen]
-        return View(
-            world,
+        return PosedImage(
             self._pinhole(camera),
             world_from_camera[:, :3],
             world_from_camera[:, 3],
@@ -97,8 +100,9 @@ class ColmapModel:
         )
 
     def _pinhole(self, camera: Any) -> CameraIntrinsics:
+        """Return the intrinsics without distortion, for pixels whose centres are at integers."""
         try:
             found = CameraIntrinsics(*camera.calibration_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]])
         except IntrinsicsError as error:
-            raise MapError(f"the COLMAP model {self.folder}: {error}") from None
+            raise MapError(f"the COLMAP model {self.path}: {error}") from None
         return replace(found, cx=found.cx - COLMAP_PIXEL_CENTRE, cy=found.cy - COLMAP_PIXEL_CENTRE)

@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 from nearfar.arrays import RGBPixels
 from nearfar.errors import MapError
 from nearfar.geometry.homography import outline, transform
-from nearfar.imaging.image import Image
-from nearfar.maps.sources import OVERLAP, TILE, Photograph, image_files, levels
+from nearfar.imaging.image import Image, read_image
+from nearfar.maps.images import (
+    OVERLAP,
+    TILE,
+    ArrayImages,
+    ImageSet,
+    Photograph,
+    image_files,
+    levels,
+)
 from tests.maps.conftest import write
 
 sizes = st.integers(1, 20_000)
@@ -112,3 +120,18 @@ def test_a_named_pipe_in_a_folder_is_left_out(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.jpg")
     write(tmp_path / "a.png", np.zeros((8, 9, 3), np.uint8))
     assert [Path(str(each)).name for each in image_files([tmp_path])] == ["a.png"]
+
+
+def test_patterns_arrays_and_sets_of_ones_own(tmp_path: Path) -> None:
+    pixels = np.zeros((8, 9, 3), np.uint8)
+    first, second, _ = (write(tmp_path / name, pixels) for name in ("b.png", "a.png", "c.tif"))
+    assert image_files(tmp_path / "*.png") == [second.resolve(), first.resolve()]
+    odd = write(tmp_path / "[d].png", pixels)
+    assert image_files(odd) == [odd.resolve()]
+    with pytest.raises(MapError, match="no file fits the pattern"):
+        image_files([tmp_path / "*.jpg"])
+    arrays = ArrayImages(tmp_path / "made", {"one": pixels, "two": pixels + 1})
+    assert isinstance(arrays, ImageSet)
+    names = [Path(str(each)).name for each in image_files([arrays, first])]
+    assert names == ["one.png", "two.png", "b.png"]
+    np.testing.assert_array_equal(read_image(tmp_path / "made" / "two.png").pixels, pixels + 1)

@@ -1,0 +1,103 @@
+"""The table of a map that holds cameras and poses of its images."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.maps.database import connect, database_errors, open_table, own_errors
+from nearfar.maps.world.scene import PosedImage
+from nearfar.storage.locations import Location
+
+TABLE = "views"
+_SCHEMA = pa.schema(
+    [
+        pa.field("image", pa.int64(), nullable=False),
+        pa.field("world", pa.string(), nullable=False),
+        pa.field("camera", pa.list_(pa.float64(), 4), nullable=False),
+        pa.field("world_from_camera", pa.list_(pa.float64(), 12), nullable=False),
+        pa.field("observed", pa.list_(pa.float64()), nullable=False),
+        pa.field("points", pa.list_(pa.float64()), nullable=False),
+    ]
+)
+
+
+class PoseStore:
+    """The cameras and poses of the images of a map.
+
+    Args:
+        folder: of a map that exists.
+    """
+
+    def __init__(self, folder: Location) -> None:
+        self.folder = folder
+        with database_errors(folder):
+            self._database = connect(folder)
+
+    @own_errors
+    def get(self, images: Sequence[int]) -> dict[int, PosedImage]:
+        """Return the poses of those of some images that have one, by the image's id."""
+        table = self._table()
+        if table is None or not images:
+            return {}
+        rows = table.search().where(f"image IN ({', '.join(map(str, images))})").to_list()
+        return {row["image"]: _posed(row) for row in rows}
+
+    @own_errors
+    def ids(self) -> set[int]:
+        """Return the ids of the images that have a pose."""
+        table = self._table()
+        if table is None:
+            return set()
+        return {row["image"] for row in table.search().select(["image"]).to_list()}
+
+    @own_errors
+    def put(self, poses: Mapping[int, PosedImage]) -> None:
+        """Add poses by the image's id, or replace those of the same images, all together.
+
+        Must be called within `MapStore.writing`.
+        """
+        rows = pa.Table.from_pylist([_row(image, posed) for image, posed in poses.items()], _SCHEMA)
+        table = self._table()
+        if table is None:
+            self._database.create_table(TABLE, rows)
+            return
+        upsert = table.merge_insert("image").when_matched_update_all()
+        upsert.when_not_matched_insert_all().execute(rows)
+
+    @own_errors
+    def remove(self, images: Collection[int]) -> None:
+        """Remove the poses of some images; must be called within `MapStore.writing`."""
+        table = self._table()
+        if table is not None and images:
+            table.delete(f"image IN ({', '.join(map(str, images))})")
+
+    def _table(self) -> Any:
+        """The table; None before the first pose is there."""
+        return open_table(self._database, TABLE, self.folder)
+
+
+def _row(image: int, posed: PosedImage) -> dict[str, Any]:
+    camera = posed.camera
+    return {
+        "image": image,
+        "world": posed.world,
+        "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
+        "world_from_camera": np.column_stack([posed.rotation, posed.centre]).ravel(),
+        "observed": posed.observed.ravel(),
+        "points": posed.points.ravel(),
+    }
+
+
+def _posed(row: dict[str, Any]) -> PosedImage:
+    world_from_camera = np.array(row["world_from_camera"]).reshape(3, 4)
+    return PosedImage(
+        CameraIntrinsics(*row["camera"]),
+        world_from_camera[:, :3],
+        world_from_camera[:, 3],
+        np.array(row["observed"], np.float64).reshape(-1, 2),
+        np.array(row["points"], np.float64).reshape(-1, 3),
+        row["world"],
+    )
