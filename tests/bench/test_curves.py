@@ -2,28 +2,30 @@
 
 import math
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import pytest
 
-from nearfar.bench.studies.curve_figures import difference_table, half_table, rate_table
+from nearfar.bench.results import Result
 from nearfar.bench.studies.curves import (
     bin_differences,
     bin_name,
     bin_rates,
+    difference_table,
     half_point,
     half_success,
+    half_table,
     monotone_fit,
     outcomes,
+    rate_table,
     resampled_weights,
 )
 
 SCALES = (1.5, 2.5, 3.5, 5.0, 7.0, 10.0, 20.0)
 
 
-def row(base: str, scale: float, strict: bool, method: str = "sift") -> dict[str, Any]:
-    return {
+def row(base: str, scale: float, strict: bool, method: str = "sift") -> Result:
+    content = {
         "case": f"scale/{base}/x{scale:g}",
         "method": method,
         "descriptor": None,
@@ -32,9 +34,10 @@ def row(base: str, scale: float, strict: bool, method: str = "sift") -> dict[str
         "strict": strict,
         "loose": True,
     }
+    return Result.from_dict(content)
 
 
-def rows_up_to(limits: Iterable[float], method: str = "sift") -> list[dict[str, Any]]:
+def rows_up_to(limits: Iterable[float], method: str = "sift") -> list[Result]:
     """One base pair for each limit, with success below it."""
     return [
         row(f"base{index}", scale, scale < limit, method)

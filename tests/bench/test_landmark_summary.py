@@ -12,7 +12,7 @@ from nearfar.bench.studies.landmark_summary import (
     recall_table,
     tallies,
 )
-from nearfar.storage.rows import Row
+from nearfar.bench.studies.landmarks import LandmarkResult
 
 
 def made(
@@ -24,8 +24,8 @@ def made(
     search: str = "boxes",
     findable: int = 3,
     far: str | None = None,
-) -> Row:
-    return {
+) -> LandmarkResult:
+    row = {
         "case": case,
         "scene": case.split("_")[0],
         "far": far or f"{case}/far.png",
@@ -43,6 +43,7 @@ def made(
         "far_boxes": 100,
         "seconds": {"far image": 0.5, "regions": 1.0},
     }
+    return LandmarkResult.from_dict(row)
 
 
 ROWS = [

@@ -71,8 +71,8 @@ def rows(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[s
     """Rows by pair, descriptor and search."""
     file = tmp_path_factory.mktemp("out") / "landmarks.jsonl"
     found = run_landmarks(find_pairs(folder), [HOG, COLOURS], file, regions=COUNTS)
-    assert read_rows(file) == found
-    return {(row["case"], row["descriptor"], row["search"]): row for row in found}
+    assert read_rows(file) == [each.to_dict() for each in found]
+    return {(each.case, each.descriptor, each.search): each.row for each in found}
 
 
 def test_regions_of_a_turned_close_up_are_found(rows: dict[tuple[str, ...], Row]) -> None:
@@ -133,7 +133,8 @@ def test_a_run_resumes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     whole = file.read_bytes()
     file.write_bytes(whole[:-30])
     second = run_landmarks(cases[:2], [COLOURS], file, regions=some)
-    assert [without_seconds(row) for row in second] == [without_seconds(row) for row in first]
+    again, before = ([without_seconds(each.row) for each in found] for found in (second, first))
+    assert again == before
     assert file.read_bytes().startswith(whole.splitlines(keepends=True)[0])
     with monkeypatch.context() as patched:
         patched.delattr(landmarks, "true_homography")
@@ -141,7 +142,7 @@ def test_a_run_resumes(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     more = run_landmarks(cases[:2], [COLOURS], file, regions={"boxes": 3})
     assert [row["asked"] for row in read_rows(file)] == [2, 2, 3, 3]
     # The regions of a smaller number come first in a larger one.
-    assert more[1]["first_right"][:2] == first[1]["first_right"]
+    assert more[1].first_correct[:2] == first[1].first_correct
 
 
 def test_changed_images_are_searched_again(
@@ -155,15 +156,16 @@ def test_changed_images_are_searched_again(
     run_landmarks([case], [COLOURS], file, regions=regions)
     near.write_bytes((folder / "turned" / "near.png").read_bytes())
     (row,) = run_landmarks([case], [COLOURS], file, regions=regions)
-    assert (row["status"], row["data"]) == ("searched", case.content_hash())
-    old = [{key: value for key, value in row.items() if key != "data"}]  # as 0.1.0 wrote it
+    assert (row.status, row.row["data"]) == ("searched", case.content_hash())
+    old = [{key: value for key, value in row.row.items() if key != "data"}]  # as 0.1.0 wrote it
     file.write_text(json.dumps(old[0]) + "\n")
-    assert run_landmarks([case], [COLOURS], file, regions=regions) == old
-    file.write_text(json.dumps(row) + "\n")
+    (reused,) = run_landmarks([case], [COLOURS], file, regions=regions)
+    assert [reused.row] == old
+    file.write_text(json.dumps(row.row) + "\n")
     near.write_bytes((folder / "unrelated" / "near.png").read_bytes())
     capsys.readouterr()
     (changed,) = run_landmarks([case], [COLOURS], file, regions=regions)
-    assert changed["data"] != row["data"]
+    assert changed.row["data"] != row.row["data"]
     assert "0 with errors before and 1 with changed images" in capsys.readouterr().err
     assert run_landmarks([case], [COLOURS], file, regions=regions) == [changed]
     assert "reused 1 rows" in capsys.readouterr().err
@@ -184,7 +186,7 @@ def test_whatever_goes_wrong_is_recorded(
     monkeypatch.setattr(landmarks, "true_homography", broken)
     cases = find_pairs(folder)[1:2]
     (row,) = run_landmarks(cases, [COLOURS], tmp_path / "rows.jsonl", regions={"boxes": 1})
-    assert (row["status"], row["reason"]) == ("error", "MemoryError: too large")
+    assert (row.status, row.reason) == ("error", "MemoryError: too large")
 
 
 def test_command(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,10 +15,10 @@ from pyarrow import parquet
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.report import plots
 from nearfar.bench.report.gallery import chosen
-from nearfar.bench.report.load import Result, load_benchmarks, load_record
 from nearfar.bench.report.page import write_report
-from nearfar.bench.report.summary import Share, by_group, group_number, summarize
+from nearfar.bench.results import Result, load_benchmarks, load_record
 from nearfar.bench.runner import run
+from nearfar.bench.summary import Share, by_group, group_number, summarize
 from nearfar.errors import BenchmarkError
 from nearfar.settings import Settings
 from tests.bench.test_run import write_pair
@@ -174,7 +174,7 @@ def test_image_pairs_stand_beside_the_papers_table(tmp_path: Path) -> None:
     cells = Page(text).cells
     start = cells.index("SIFT (paper)")
     assert cells[start + 3] == "10.654"
-    ours = start + 10
+    ours = start + 12
     assert cells[ours : ours + 4] == ["sift", "2", "0.000", "1.000"]
 
 
@@ -275,7 +275,7 @@ def test_the_narrowest_failures_and_the_hardest_successes_come_first(tmp_path: P
 def test_of_many_results_all_methods_are_drawn_for_the_same_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plots, "_MOST_POINTS", 4)
+    monkeypatch.setattr(plots, "MOST_POINTS", 4)
     methods = {"sift": 0, "orb": 1}
     by_method = [
         rows_of(4, 4, method=method, model="homography", true_scale_change=2.0)

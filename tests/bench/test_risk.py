@@ -1,17 +1,19 @@
 """Risk against coverage, by hand."""
 
+from nearfar.bench.results import Result
 from nearfar.bench.tables import risk_table
-from nearfar.storage.rows import Row
 
 
-def row(exponent: float | None, right: bool, status: str = "localized") -> Row:
-    return {
+def row(exponent: float | None, right: bool, status: str = "localized") -> Result:
+    row = {
+        "case": "a",
         "method": "sift",
         "descriptor": None,
         "status": status,
         "log10_false_alarms": exponent,
         "strict": right,
     }
+    return Result.from_dict(row)
 
 
 def test_risk_falls_as_more_is_refused() -> None:
@@ -37,6 +39,6 @@ def test_risk_falls_as_more_is_refused() -> None:
 
 def test_limits_above_that_of_the_runs_are_left_out() -> None:
     """What such a run refused is a failure in its rows, whatever limit the table asks about."""
-    rows = [{"method": "sift", "descriptor": None, "status": "failed", "strict": False}]
+    rows = [row(None, False, "failed")]
     limits = [line.split("|")[1].strip() for line in risk_table(rows, 1e-20).splitlines()[2:]]
     assert limits == ["1e-20", "1e-50", "1e-100"]

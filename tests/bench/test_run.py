@@ -48,7 +48,7 @@ def folder(tmp_path: Path, known_pair: KnownPair) -> Path:
 
 
 def test_errors_are_those_of_the_true_points(folder: Path, tmp_path: Path) -> None:
-    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], tmp_path / "rows.jsonl")}
+    rows = {row.case: row.row for row in run(find_pairs(folder), [SIFT], tmp_path / "rows.jsonl")}
     right, shifted, unreadable = rows["right"], rows["shifted"], rows["unreadable"]
     assert right["error"] < 1
     assert (right["strict"], right["loose"]) == (True, True)
@@ -85,10 +85,10 @@ def test_what_went_wrong_is_tried_again(
     before = run(cases, [SIFT], file)
     PillowImage.fromarray(known_pair.near).save(folder / "unreadable" / "near.png")
     after = run(cases, [SIFT], file)
-    assert [row["status"] for row in before] == ["localized", "localized", "error"]
-    assert [row["status"] for row in after] == ["localized"] * 3
+    assert [row.status for row in before] == ["localized", "localized", "error"]
+    assert [row.status for row in after] == ["localized"] * 3
     assert after[:2] == before[:2]
-    assert read_rows(file) == [*before, after[2]]
+    assert read_rows(file) == [row.to_dict() for row in (*before, after[2])]
 
 
 def without_seconds(rows: list[dict[str, object]]) -> list[dict[str, object]]:
@@ -103,37 +103,37 @@ def test_whatever_goes_wrong_with_a_case_is_recorded(
 
     monkeypatch.setattr(runner, "evaluate", broken)
     rows = run(find_pairs(folder)[:1], [SIFT], tmp_path / "rows.jsonl")
-    assert rows[0]["status"] == "error"
-    assert rows[0]["reason"] == "MemoryError: too large"
+    assert rows[0].status == "error"
+    assert rows[0].reason == "MemoryError: too large"
 
 
 def test_changed_truth_and_images_run_again(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "rows.jsonl"
-    before = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    before = {row.case: row.row for row in run(find_pairs(folder), [SIFT], file)}
     capsys.readouterr()
     content = json.loads((folder / "right" / "pair.json").read_text())
     content["far_points"] = [[x + 10, y] for x, y in content["far_points"]]
     (folder / "right" / "pair.json").write_text(json.dumps(content))
     (folder / "unreadable" / "near.png").write_bytes((folder / "right/near.png").read_bytes())
-    after = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    after = {row.case: row.row for row in run(find_pairs(folder), [SIFT], file)}
     assert "reused 1 rows" in capsys.readouterr().err
     assert before["right"]["error"] < 1
     assert after["right"]["error"] == pytest.approx(10, abs=1)
     assert after["unreadable"]["status"] == "localized"
     assert after["shifted"] == before["shifted"]
     PillowImage.new("RGB", (640, 480)).save(folder / "shifted" / "far.png")
-    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    rows = {row.case: row.row for row in run(find_pairs(folder), [SIFT], file)}
     assert rows["shifted"]["status"] == "failed"
 
 
 def test_rows_of_the_first_version_are_reused(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "rows.jsonl"
     made = run(find_pairs(folder), [SIFT], file)
-    old = [{name: value for name, value in row.items() if name != "data"} for row in made]
+    old = [{name: value for name, value in row.row.items() if name != "data"} for row in made]
     file.write_text("".join(json.dumps(row) + "\n" for row in old))
-    rows = {row["case"]: row for row in run(find_pairs(folder), [SIFT], file)}
+    rows = {row.case: row.row for row in run(find_pairs(folder), [SIFT], file)}
     assert "data" not in rows["right"]
     assert rows["right"]["seconds"] == old[0]["seconds"]
 
@@ -150,7 +150,7 @@ def test_a_changed_matcher_runs_again(
         sys.modules.pop("changing_matcher", None)
         importlib.invalidate_caches()
         rows = run(find_pairs(folder)[:1], [settings], tmp_path / "rows.jsonl")
-        found.append(rows[0]["matches"])
+        found.append(rows[0].row["matches"])
     assert found == [1, 2]
 
 
@@ -160,7 +160,7 @@ def test_other_settings_are_other_results(folder: Path, tmp_path: Path) -> None:
     first = run(cases, [SIFT], file)
     second = run(cases, [SIFT.replace(max_size=300)], file)
     assert len(first) == len(second) == 1
-    assert first[0]["settings"] != second[0]["settings"]
+    assert first[0].settings != second[0].settings
     assert len(read_rows(file)) == 2
 
 

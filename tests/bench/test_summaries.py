@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from nearfar.bench.studies.kitti_summary import fit_table, log_fit, step_table, table_two
-from nearfar.bench.studies.pairs import table_three
+from nearfar.bench.results import Result
+from nearfar.bench.studies.kitti import fit_table, log_fit, step_table
+from nearfar.bench.summary import DASH
+from nearfar.bench.tables import table_three, table_two
 from nearfar.geometry.errors import PAPER_FAILURE_STE
-from nearfar.storage.rows import Row
 
 
-def pose_row(j: int, t_err: float, r_err: float, status: str = "localized") -> Row:
-    return {
+def pose_row(j: int, t_err: float, r_err: float, status: str = "localized") -> Result:
+    row = {
         "case": f"{j}-{t_err}",
         "method": "sift",
         "descriptor": None,
@@ -23,18 +24,20 @@ def pose_row(j: int, t_err: float, r_err: float, status: str = "localized") -> R
         "r_err": r_err,
         "rotation_degrees": None if status == "failed" else 2.0,
         "translation_degrees": None if status == "failed" else 4.0,
+        "model": "pose",
     }
+    return Result.from_dict(row)
 
 
 ROWS = [pose_row(1, 0.2, 0.1), pose_row(1, 0.4, 0.1), pose_row(2, 1.0, 1.0, "failed")]
 
 
 def test_table_two() -> None:
-    table = table_two(ROWS)
+    table = table_two(ROWS).markdown()
     row = next(line for line in table.splitlines() if line.startswith("| sift |"))
     cells = [cell.strip() for cell in row.split("|")[1:-1]]
-    assert cells == ["sift", "3", "0.533", "", "0.267", "0.400", "1", "0.667", "2.00°", "4.00°"]
-    assert "| proposed (paper) | 40748 | | 0.641 |".replace("| |", "|  |") in table
+    assert cells == ["sift", "3", "0.533", DASH, "0.267", "0.400", "1", "0.667", "2.00°", "4.00°"]
+    assert f"| proposed (paper) | 40,748 | {DASH} | 0.641 |" in table
 
 
 def test_step_table() -> None:
@@ -58,6 +61,7 @@ def test_fits_pass_through_the_means_of_each_step() -> None:
 def test_table_three() -> None:
     rows = [
         {
+            "case": "a",
             "method": "sift",
             "descriptor": None,
             "model": "homography",
@@ -72,7 +76,8 @@ def test_table_three() -> None:
             ("failed", PAPER_FAILURE_STE, None),
         )
     ]
+    table = table_three([Result.from_dict(row) for row in rows]).markdown()
     mean = (2 + 4 + np.log(PAPER_FAILURE_STE)) / 3
-    line = next(line for line in table_three(rows).splitlines() if line.startswith("| sift"))
+    line = next(line for line in table.splitlines() if line.startswith("| sift"))
     assert line == f"| sift | 3 | {mean:.3f} | {mean + np.log(2):.3f} | 1 | 1.00 px |"
-    assert "| SIFT (paper) | 31 |" in table_three(rows)
+    assert "| SIFT (paper) | 31 |" in table

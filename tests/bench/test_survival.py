@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import cv2
 import pytest
 
 from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.results import Result
 from nearfar.bench.runner import run
 from nearfar.errors import BenchmarkError
 from nearfar.runtime.workers import Workers
@@ -36,9 +38,10 @@ def folder(tmp_path: Path, known_pair: KnownPair) -> Path:
     return tmp_path / "pairs"
 
 
-def comparable(rows: list[dict[str, Any]]) -> list[str]:
+def comparable(rows: Sequence[Result | dict[str, Any]]) -> list[str]:
     """Sorted rows without times."""
-    kept = [{key: value for key, value in row.items() if key != "seconds"} for row in rows]
+    tables = [row.row if isinstance(row, Result) else row for row in rows]
+    kept = [{key: value for key, value in row.items() if key != "seconds"} for row in tables]
     return sorted(json.dumps(row, sort_keys=True) for row in kept)
 
 
@@ -74,11 +77,11 @@ def test_two_processes_find_what_one_finds(folder: Path, tmp_path: Path) -> None
     alone = run(cases, [SIFT], tmp_path / "alone.jsonl")
     features = tmp_path / "features"
     both = run(cases, [SIFT], tmp_path / "both.jsonl", workers=Workers(2), features=features)
-    assert [row["case"] for row in both] == [case.name for case in cases]
+    assert [row.case for row in both] == [case.name for case in cases]
     assert comparable(both) == comparable(alone)
     again = run(cases, [SIFT], tmp_path / "again.jsonl", features=features)
     assert comparable(again) == comparable(alone)
-    assert all("points" not in row.get("seconds", {}) for row in again)
+    assert all("points" not in row.seconds for row in again)
 
 
 def test_a_full_disk_keeps_what_was_written(
@@ -113,9 +116,9 @@ def test_settings_and_environment_are_recorded(
     text = (tmp_path / "run.json").read_text()
     record = json.loads(text, parse_constant=pytest.fail)  # other programs read no Infinity
     assert record["commands"] == ["nearfar bench pairs 'my pairs'"]
-    assert record["settings"][row["settings"]]["budget"] == "inf"
+    assert record["settings"][row.settings]["budget"] == "inf"
     assert len(record["settings"]) == 2
-    assert record["settings"][row["settings"]]["seed"] == 1
+    assert record["settings"][row.settings]["seed"] == 1
     assert record["environment"]["packages"]["numpy"]
     (tmp_path / "run.json").write_text(text[:99])
     with pytest.raises(BenchmarkError, match=r"run\.json"):

@@ -282,7 +282,7 @@ def test_real_weights_give_the_rows_of_method_paper(extra_data: Path, tmp_path: 
     variant = settings.replace(method="paper", descriptor="squeezenet-fire5@64")
     plain = run(cases, [variant], tmp_path / "plain.jsonl")
     swept = [row for row in read_rows(file) if row["descriptor"] == variant.descriptor]
-    for ours, theirs in zip(swept, plain, strict=True):
+    for ours, theirs in zip(swept, [each.row for each in plain], strict=True):
         assert ours["settings"] == theirs["settings"]
         assert ours["landmark_matches"] == pytest.approx(theirs["landmark_matches"], abs=2)
         assert ours["strict"] == theirs["strict"]

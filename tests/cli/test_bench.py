@@ -40,7 +40,7 @@ def test_kitti(kitti: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = nearfar("bench", "kitti", kitti, "--out", out, "--method", "sift", "--jobs", "2")
     assert result.returncode == 0, result.stderr
-    assert "| proposed (paper) | 40748 |" in result.stdout
+    assert "| proposed (paper) | 40,748 |" in result.stdout
     rows = [json.loads(line) for line in (out / "kitti.jsonl").read_text().splitlines()]
     assert len(rows) == 3
     for row in rows:

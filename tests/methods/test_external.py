@@ -121,8 +121,8 @@ def test_a_benchmark_records_an_exception_and_goes_on(
         content |= {"far_points": points, "near_points": points}  # type: ignore[dict-item]
         (folder / "pair.json").write_text(json.dumps(content), encoding="utf-8")
     rows = run(find_pairs(tmp_path), [Settings(method=name)], tmp_path / "rows.jsonl")
-    assert [row["status"] for row in rows] == ["error", "error"]
-    assert "no memory left" in rows[0]["reason"]
+    assert [row.status for row in rows] == ["error", "error"]
+    assert "no memory left" in (rows[0].reason or "")
 
 
 def test_rows_that_are_not_finite_are_left_out(install: Install, known_pair: KnownPair) -> None:

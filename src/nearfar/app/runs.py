@@ -11,7 +11,7 @@ from nearfar.app.errors import ConflictError, NotFoundError, TooLargeError
 from nearfar.app.formats import image_names
 from nearfar.app.kept import Kept, KeptAnswer
 from nearfar.app.library import Library
-from nearfar.bench.report.load import Result, load_benchmarks, load_record
+from nearfar.bench.results import Result, load_benchmarks, load_record
 
 LARGEST = 200 * MEGABYTE
 """Bytes of result files that are read."""

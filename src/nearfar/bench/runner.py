@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.evaluate import evaluate, failure_columns
+from nearfar.bench.results import Result
 from nearfar.errors import NearfarError
 from nearfar.localizer import Localizer
 from nearfar.runtime import logs
@@ -203,7 +204,7 @@ def run(
     *,
     workers: Workers | None = None,
     features: Path | None = None,
-) -> list[Row]:
+) -> list[Result]:
     """Localize every case with every setting, and compare with the truth; see `resume`.
 
     Args:
@@ -214,7 +215,7 @@ def run(
         features: folder in which features of images are kept between processes and runs.
 
     Returns:
-        The rows of these cases and settings.
+        The results of these cases and settings.
 
     Raises:
         OSError: a result cannot be written; those before it are kept.
@@ -228,7 +229,8 @@ def run(
         for case, data in zip(cases, hashes, strict=True):
             start = localize_start(case, each, key, descriptor, data)
             wanted.append(LocalizeTask(case, each, start, failure_columns(case), features))
-    return resume(file, wanted, localize_case, settings=settings, workers=workers)
+    rows = resume(file, wanted, localize_case, settings=settings, workers=workers)
+    return [Result.from_dict(row) for row in rows]
 
 
 def localize_start(

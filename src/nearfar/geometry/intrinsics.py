@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
 from nearfar.errors import IntrinsicsError
+from nearfar.geometry import kitti
 
 COLMAP_PIXEL_CENTRE = 0.5
 """Coordinates of the centre of the top left pixel in COLMAP; here they are 0."""
@@ -163,12 +165,11 @@ def _from_kitti(text: str, path: Path) -> CameraIntrinsics:
     lines = text.splitlines()
     line = next((line for line in lines if line.startswith("P0:")), lines[0])
     try:
-        projection = np.array(line.split(":")[1].split(), np.float64).reshape(3, 4)
-    except (ValueError, IndexError):
-        raise IntrinsicsError(f"{path}: 12 numbers expected in the line {line!r}") from None
-    return CameraIntrinsics(
-        float(projection[0, 0]),
-        float(projection[1, 1]),
-        float(projection[0, 2]),
-        float(projection[1, 2]),
-    )
+        return of_projection(kitti.projection(line)[1])
+    except ValueError as error:
+        raise IntrinsicsError(f"{path}: {error}") from None
+
+
+def of_projection(projection: NDArray[np.float64]) -> CameraIntrinsics:
+    """Return the intrinsics in a (3, 4) projection matrix of a rectified camera."""
+    return CameraIntrinsics(*(float(projection[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))

@@ -271,6 +271,12 @@ def local_copy(file: Location) -> Iterator[Path]:
         yield copy
 
 
+def natural_key(name: str) -> list[tuple[str, float]]:
+    """Return a sorting key by which numbers in names count as numbers: 2 comes before 10."""
+    parts = re.findall(r"(\D*)((?:\d+(?:\.\d+)?)?)", name)
+    return [(text, float(number or -1)) for text, number in parts]
+
+
 def is_text(name: str) -> bool:
     """Whether a name of a file can be kept as UTF-8: on some systems it may be any bytes."""
     try:

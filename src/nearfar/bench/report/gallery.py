@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as PillowImage
 
-from nearfar.bench.report.load import Benchmark, Result
-from nearfar.bench.report.summary import by_group, by_method
+from nearfar.bench.results import Benchmark, Result
+from nearfar.bench.summary import by_group, by_method
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import footprint
 from nearfar.imaging.image import read_image
@@ -77,7 +77,7 @@ class Gallery:
         """By method at most so many cards, sorted by group."""
         return {
             method: [self._card(result) for result in chosen(results, most)]
-            for method, results in by_method(benchmark).items()
+            for method, results in by_method(benchmark.results).items()
         }
 
     def _card(self, result: Result) -> Card:

@@ -8,9 +8,9 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from nearfar.bench.report.load import Benchmark
-from nearfar.bench.report.published import Comparison, comparison
-from nearfar.bench.report.summary import DASH, Share, by_group, by_method, summarize
+from nearfar.bench.results import Benchmark
+from nearfar.bench.summary import DASH, Share, by_group, by_method, summarize
+from nearfar.bench.tables import comparison, latex
 
 
 def write_rows(benchmarks: Sequence[Benchmark], out: Path) -> list[Path]:
@@ -53,39 +53,21 @@ def _column(values: Sequence[Any]) -> Any:
     return pa.array(texts, pa.string())
 
 
-_ESCAPES = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "&": r"\&",
-        "%": r"\%",
-        "$": r"\$",
-        "#": r"\#",
-        "_": r"\_",
-        "{": r"\{",
-        "}": r"\}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        DASH: "--",
-        "·": r"\textperiodcentered{}",
-    }
-)
-
-
 def latex_tables(benchmarks: Sequence[Benchmark]) -> str:
     """Every table as a LaTeX table environment."""
     parts = ["% Needs \\usepackage{booktabs}"]
     for benchmark in benchmarks:
         parts.append(_overall(benchmark))
         parts.append(_groups(benchmark))
-        published = comparison(benchmark)
+        published = comparison(benchmark.results)
         if published is not None:
-            parts.append(_published(published))
+            parts.append(published.latex())
     return "\n\n".join(parts) + "\n"
 
 
 def _overall(benchmark: Benchmark) -> str:
     rows = []
-    for method, results in by_method(benchmark).items():
+    for method, results in by_method(benchmark.results).items():
         summary = summarize(results)
         rows.append(
             [
@@ -100,44 +82,18 @@ def _overall(benchmark: Benchmark) -> str:
         )
     header = ["method", "cases", "strict", "loose", "no answer", "median error", "median s"]
     caption = f"Successes in {benchmark.name}, % with 95 % interval"
-    return _table(caption, header, rows)
+    return latex(caption, header, rows)
 
 
 def _groups(benchmark: Benchmark) -> str:
     groups = list(by_group(benchmark.results))
     rows = []
-    for method, results in by_method(benchmark).items():
+    for method, results in by_method(benchmark.results).items():
         own = by_group(results)
         shares = (summarize(own[group]).strict if group in own else None for group in groups)
         cells = (DASH if each is None else f"{each.count}/{each.of}" for each in shares)
         rows.append([method, *cells])
-    return _table(f"Strict successes in {benchmark.name} by group", ["method", *groups], rows)
-
-
-def _published(table: Comparison) -> str:
-    rows = [[line.method, *line.cells] for line in table.lines]
-    return _table(f"{table.title}. {table.note}", ["method", *table.columns], rows)
-
-
-def _table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{_escaped(caption)}}}",
-        rf"\begin{{tabular}}{{l{'r' * (len(header) - 1)}}}",
-        r"\toprule",
-        _row(header),
-        r"\midrule",
-        *map(_row, rows),
-        r"\bottomrule",
-        r"\end{tabular}",
-        r"\end{table}",
-    ]
-    return "\n".join(lines)
-
-
-def _row(cells: Sequence[str]) -> str:
-    return " & ".join(map(_escaped, cells)) + r" \\"
+    return latex(f"Strict successes in {benchmark.name} by group", ["method", *groups], rows)
 
 
 def _share(share: Share) -> str:
@@ -147,7 +103,3 @@ def _share(share: Share) -> str:
 
 def _decimal(value: float | None) -> str:
     return DASH if value is None else f"{value:.2f}"
-
-
-def _escaped(text: str) -> str:
-    return text.translate(_ESCAPES)

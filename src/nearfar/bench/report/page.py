@@ -9,9 +9,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from nearfar.bench.report.charts import SERIES
 from nearfar.bench.report.gallery import MOST_CARDS, Gallery
 from nearfar.bench.report.latex import latex_tables, write_rows
-from nearfar.bench.report.load import Benchmark, Result, RunRecord, load_benchmarks, load_record
-from nearfar.bench.report.summary import DASH, by_group, by_method
 from nearfar.bench.report.views import benchmark_view, settings_view
+from nearfar.bench.results import Benchmark, Result, RunRecord, load_benchmarks, load_record
+from nearfar.bench.summary import DASH, by_group, by_method
 
 _LEAST_CARDS = 3
 """Cards of a method, however many methods there are."""
@@ -21,7 +21,7 @@ def render(benchmarks: Sequence[Benchmark], records: Sequence[RunRecord]) -> str
     """The page as HTML that needs nothing but itself."""
     series = _series(benchmarks)
     gallery = Gallery()
-    columns = sum(len(by_method(benchmark)) for benchmark in benchmarks)
+    columns = sum(len(by_method(benchmark.results)) for benchmark in benchmarks)
     most = max(_LEAST_CARDS, MOST_CARDS // columns)
     views = [benchmark_view(benchmark, series, gallery, most) for benchmark in benchmarks]
     results = [result for benchmark in benchmarks for result in benchmark.results]
@@ -48,7 +48,7 @@ def _licences(results: Sequence[Result]) -> dict[str, str]:
 
 def _series(benchmarks: Sequence[Benchmark]) -> dict[str, int]:
     """A number for each method, the same in every benchmark."""
-    names = dict.fromkeys(name for benchmark in benchmarks for name in by_method(benchmark))
+    names = dict.fromkeys(name for benchmark in benchmarks for name in by_method(benchmark.results))
     return {name: number for number, name in enumerate(names)}
 
 

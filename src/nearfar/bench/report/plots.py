@@ -21,8 +21,8 @@ from nearfar.bench.report.charts import (
     scale_axis,
     shares_against,
 )
-from nearfar.bench.report.load import Benchmark, Result
-from nearfar.bench.report.summary import (
+from nearfar.bench.results import Benchmark, Result
+from nearfar.bench.summary import (
     by_group,
     by_method,
     group_axis,
@@ -34,10 +34,10 @@ from nearfar.bench.report.summary import (
     stage_means,
     summarize,
 )
-from nearfar.bench.studies.kitti_summary import MEASURES
+from nearfar.bench.tables import MEASURES
 
 _MOST_METHODS = len(SERIES)
-_MOST_POINTS = 2_000
+MOST_POINTS = 2_000
 """Of more results, those of evenly chosen cases are drawn."""
 _MOST_TICKS = 12
 _SHOWN = 99.5
@@ -54,13 +54,13 @@ def charts_of(benchmark: Benchmark, series: dict[str, int]) -> list[Chart]:
         benchmark: the results.
         series: the number of each method's colour on the page.
     """
-    methods = _best(by_method(benchmark))
+    methods = _best(by_method(benchmark.results))
     return list(_charts(benchmark, methods, series))
 
 
 def _charts(benchmark: Benchmark, methods: Methods, series: dict[str, int]) -> Iterator[Chart]:
     name, strict = benchmark.name, _strict_limit(benchmark)
-    if numbered(benchmark):
+    if numbered(benchmark.results):
         title = _axis(benchmark)
         yield chart(
             f"{name}-success",
@@ -102,7 +102,7 @@ def _against_scale(
     if not scaled:
         return
     cases = list(dict.fromkeys(result.case for result in scaled))
-    chosen = set(cases[:: -(-len(scaled) // _MOST_POINTS)])
+    chosen = set(cases[:: -(-len(scaled) // MOST_POINTS)])
     thinned = (
         f" {len(chosen):,} of {len(cases):,} cases, evenly chosen."
         if len(chosen) < len(cases)
@@ -306,11 +306,11 @@ def _axis(benchmark: Benchmark) -> str:
 
 
 def _limit(benchmark: Benchmark) -> float:
-    return STRICT_DEGREES if is_pose(benchmark) else STRICT_PX
+    return STRICT_DEGREES if is_pose(benchmark.results) else STRICT_PX
 
 
 def _unit(benchmark: Benchmark) -> str:
-    return "degrees" if is_pose(benchmark) else "pixels"
+    return "degrees" if is_pose(benchmark.results) else "pixels"
 
 
 def _strict_limit(benchmark: Benchmark) -> str:

@@ -7,10 +7,9 @@ from typing import Any
 from nearfar.bench.evaluate import LOOSE_EPIPOLAR_PX, LOOSE_SHARE, STRICT_DEGREES, STRICT_PX
 from nearfar.bench.report.charts import Chart
 from nearfar.bench.report.gallery import Card, Gallery
-from nearfar.bench.report.load import Benchmark, Result, RunRecord
 from nearfar.bench.report.plots import charts_of
-from nearfar.bench.report.published import Comparison, comparison
-from nearfar.bench.report.summary import (
+from nearfar.bench.results import Benchmark, Result, RunRecord
+from nearfar.bench.summary import (
     DASH,
     Summary,
     by_group,
@@ -23,6 +22,7 @@ from nearfar.bench.report.summary import (
     same_cases,
     summarize,
 )
+from nearfar.bench.tables import Comparison, comparison
 
 _MOST_CASES = 1_000
 """Of more cases the page shows the first; the other files hold all."""
@@ -134,23 +134,23 @@ def benchmark_view(
             {group: summarize(own) for group, own in by_group(results).items()},
             cards[name],
         )
-        for name, results in by_method(benchmark).items()
+        for name, results in by_method(benchmark.results).items()
     ]
     cases = _cases(benchmark, [method.name for method in methods])
     return BenchmarkView(
         name=benchmark.name,
-        unit="°" if is_pose(benchmark) else "px",
+        unit="°" if is_pose(benchmark.results) else "px",
         limits=_limits(benchmark),
         loose_differs=any(result.strict != result.loose for result in benchmark.results),
         extent="Scale change" if mean_distance(benchmark.results) is None else "Distance, m",
         cases=cases[:_MOST_CASES],
         case_count=len(cases),
         skipped=benchmark.skipped,
-        unequal=not same_cases(benchmark),
+        unequal=not same_cases(benchmark.results),
         groups=list(by_group(benchmark.results)),
         methods=methods,
         best=max(methods, key=lambda method: method.total.strict.interval),
-        published=comparison(benchmark),
+        published=comparison(benchmark.results),
         charts=charts_of(benchmark, dict(series)),
         measures=_measures(benchmark),
     )
@@ -173,7 +173,7 @@ def _cases(benchmark: Benchmark, methods: Sequence[str]) -> list[CaseView]:
 def _measures(benchmark: Benchmark) -> list[MeasureView]:
     views = []
     for name in measure_names(benchmark.results):
-        for method, results in by_method(benchmark).items():
+        for method, results in by_method(benchmark.results).items():
             values = measured(results, name)
             middle = median(values)
             if middle is not None:

@@ -2,16 +2,17 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.bench.tables import method_name
+from nearfar.bench.results import Result
+from nearfar.bench.summary import by_method
+from nearfar.bench.tables import markdown
 from nearfar.runtime.extras import require
-from nearfar.storage.rows import Row
 
 EDGES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 48.0)
 """Of the bins, each without its upper edge; the last one holds what the curve is known up to."""
@@ -66,22 +67,22 @@ def bin_name(scale: float) -> str | None:
     return None if index is None else bin_names()[index]
 
 
-def outcomes(rows: Sequence[Row], measure: Measure = "strict") -> Outcomes:
-    """The successes of all methods in the cases that every method has run.
+def outcomes(results: Sequence[Result], measure: Measure = "strict") -> Outcomes:
+    """Return the successes of all methods in the cases that every method has run.
 
     Raises:
-        ValueError: a method has two rows for one case, e.g. of two settings.
+        ValueError: a method has two results for one case, e.g. of two settings.
     """
-    methods = tuple(dict.fromkeys(method_name(row) for row in rows))
-    found = {(method_name(row), row["case"]): bool(row[measure]) for row in rows}
-    if len(found) != len(rows):
+    methods = tuple(by_method(results))
+    found = {(each.method, each.case): bool(getattr(each, measure)) for each in results}
+    if len(found) != len(results):
         raise ValueError("a method has several rows for one case")
-    first = {row["case"]: row for row in rows}
+    first = {each.case: each for each in results}
     cases = [case for case in first if all((method, case) in found for method in methods)]
-    names = [first[case]["tags"]["base"] for case in cases]
+    names = [first[case].tags["base"] for case in cases]
     return Outcomes(
         methods=methods,
-        scales=np.array([first[case]["true_scale_change"] for case in cases], np.float64),
+        scales=np.array([first[case].true_scale_change for case in cases], np.float64),
         bases=np.unique(np.array(names, np.str_), return_inverse=True)[1].astype(np.intp),
         success=np.array(
             [[found[method, case] for case in cases] for method in methods], np.bool_
@@ -215,3 +216,61 @@ def estimate_of(value: float, drawn: NDArray[np.float64]) -> Estimate:
     tail = (1 - COVERAGE) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")
     return Estimate(value, float(low), float(high))
+
+
+def rate_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
+    """Markdown: per bin and method the share of successes in percent, strict with its interval."""
+    columns = []
+    for method in range(len(strict.methods)):
+        pairs = zip(bin_rates(strict, method, seed), bin_rates(loose, method, seed), strict=True)
+        columns.append([f"{percent(each)} / {100 * other.value:.0f}" for each, other in pairs])
+    return _bin_table(strict, [f"{name}: strict / loose" for name in strict.methods], columns)
+
+
+def difference_table(strict: Outcomes, seed: int) -> str:
+    """Markdown: per bin the strict success of each method minus that of the first, in points."""
+    columns = [
+        [percent(each, "+") for each in bin_differences(strict, method, 0, seed)]
+        for method in range(1, len(strict.methods))
+    ]
+    titles = [f"{name} - {strict.methods[0]}" for name in strict.methods[1:]]
+    return _bin_table(strict, titles, columns)
+
+
+def half_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
+    """Markdown: per method S50 with its interval, for strict and for loose success."""
+    lines = [
+        [name, *(_half(each, method, seed) for each in (strict, loose))]
+        for method, name in enumerate(strict.methods)
+    ]
+    return markdown(["method", "S50 strict", "S50 loose"], lines)
+
+
+def _bin_table(found: Outcomes, titles: list[str], columns: list[list[str]]) -> str:
+    """A line for each bin that has cases: its numbers of cases and base pairs, and the columns."""
+    bins = np.array([bin_index(scale) for scale in found.scales])
+    lines = []
+    for index, name in enumerate(bin_names()):
+        cases = np.count_nonzero(bins == index)
+        bases = len(np.unique(found.bases[bins == index]))
+        if cases:
+            lines.append([name, str(cases), str(bases), *(column[index] for column in columns)])
+    return markdown(["scale change", "cases", "bases", *titles], lines)
+
+
+def percent(each: Estimate, sign: str = "") -> str:
+    """Return a share and its interval in percent; an empty text for NaN."""
+    return interval_text(each, lambda part: f"{100 * part:{sign}.0f}")
+
+
+def interval_text(each: Estimate, shown: Callable[[float], str]) -> str:
+    """Return a value and its interval; an empty text for NaN."""
+    if math.isnan(each.value):
+        return ""
+    return f"{shown(each.value)} ({shown(each.low)} to {shown(each.high)})"
+
+
+def _half(found: Outcomes, method: int, seed: int) -> str:
+    each = half_success(found, method, seed)
+    value, low, high = (scale_text(part, found) for part in (each.value, each.low, each.high))
+    return f"{value} ({low} to {high})"

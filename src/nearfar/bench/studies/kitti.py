@@ -1,6 +1,6 @@
 """The KITTI Odometry experiment of the paper (section IV): pairs of frames and their poses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
 from nearfar.bench.datasets.cases import Case, Stereo
+from nearfar.bench.results import Result
+from nearfar.bench.summary import by_method
+from nearfar.bench.tables import MEASURES, markdown
 from nearfar.errors import BenchmarkError
+from nearfar.geometry import kitti
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.geometry.intrinsics import Intrinsics, of_projection
 
 STEP = 5
 """Every fifth frame is used."""
@@ -32,13 +36,13 @@ class FramePair:
 
 
 def read_poses(file: Path) -> NDArray[np.float64]:
-    """(N, 4, 4) camera-to-world transforms of a KITTI pose file.
+    """Read the (N, 4, 4) camera-to-world transforms of a KITTI pose file.
 
     Raises:
         BenchmarkError: the file cannot be read.
     """
     try:
-        rows = np.loadtxt(file, ndmin=2).reshape(-1, 3, 4)
+        rows = kitti.read_transforms(file)
     except (OSError, ValueError) as error:
         raise BenchmarkError(f"pose file {file} cannot be read: {error}") from error
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -47,20 +51,16 @@ def read_poses(file: Path) -> NDArray[np.float64]:
 
 
 def read_calibration(file: Path) -> dict[str, NDArray[np.float64]]:
-    """The (3, 4) projection matrices P0... of a KITTI calib.txt, by name.
+    """Read the (3, 4) projection matrices P0, P1, ... of a KITTI calib.txt, by name.
 
     Raises:
         BenchmarkError: the file cannot be read.
     """
-    projections = {}
     try:
-        for line in file.read_text(encoding="utf-8").splitlines():
-            name, _, values = line.partition(":")
-            if name.startswith("P"):
-                projections[name] = np.array(values.split(), np.float64).reshape(3, 4)
+        lines = file.read_text(encoding="utf-8").splitlines()
+        return dict(kitti.projection(line) for line in lines if line.startswith("P"))
     except (OSError, ValueError) as error:
         raise BenchmarkError(f"calibration {file} cannot be read: {error}") from error
-    return projections
 
 
 def frame_pairs(poses: NDArray[np.float64]) -> Iterator[FramePair]:
@@ -143,7 +143,7 @@ def _sequence_cases(sequence: Path, pose_file: Path) -> Iterator[Case]:
     left = projections.get(f"P{number}")
     if left is None:
         raise BenchmarkError(f"calibration {sequence / 'calib.txt'} has no P{number}")
-    camera = CameraIntrinsics(*(float(left[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+    camera = of_projection(left)
     camera_from_first = _offset(left)
     for pair in frame_pairs(poses):
         far, near = (_frame(sequence, number, frame) for frame in (pair.far, pair.near))
@@ -188,3 +188,57 @@ def _offset(projection: Matrix3) -> NDArray[np.float64]:
     transform = np.eye(4)
     transform[:3, 3] = np.linalg.solve(projection[:, :3], projection[:, 3])
     return transform
+
+
+@dataclass(frozen=True)
+class LogFit:
+    """Least-squares fit a + b ln x."""
+
+    a: float
+    b: float
+
+
+def log_fit(x: Sequence[float], y: Sequence[float]) -> LogFit:
+    """Fit y = a + b ln x through the means of groups, as in the paper's plots."""
+    b, a = np.polyfit(np.log(x), y, 1)
+    return LogFit(float(a), float(b))
+
+
+def by_step(results: Sequence[Result], value: Callable[[Result], float | None]) -> dict[int, float]:
+    """Return the mean of a value over the pairs of each j, without those that have none."""
+    means = {}
+    for j in sorted({int(each.tags["j"]) for each in results}):
+        own = [each for each in results if each.tags["j"] == j]
+        values = [found for each in own if (found := value(each)) is not None]
+        if values:
+            means[j] = float(np.mean(values))
+    return means
+
+
+def step_table(results: Sequence[Result]) -> str:
+    """Return, in Markdown, the mean distance of each j and the share of each method within 5°."""
+    methods = by_method(results)
+    shares = [by_step(own, lambda each: float(each.strict)) for own in methods.values()]
+    lines = []
+    for j, distance in by_step(results, lambda each: each.distance).items():
+        count = len({each.case for each in results if each.tags["j"] == j})
+        cells = [f"{own[j]:.2f}" if j in own else "" for own in shares]
+        lines.append([str(j), f"{distance:.1f} m", str(count), *cells])
+    return markdown(["j", "mean distance", "pairs", *methods], lines)
+
+
+def fit_table(results: Sequence[Result]) -> str:
+    """Return, in Markdown, the logarithmic fits of the means of each j, by method and error."""
+    lines = []
+    for method, own in by_method(results).items():
+        distances = by_step(own, lambda each: each.distance)
+        cells = []
+        for measure in MEASURES:
+            means = by_step(own, lambda each, name=measure: each.measures.get(name))  # type: ignore[misc]
+            if len(means) < 2:
+                cells.append("")
+                continue
+            fit = log_fit([distances[j] for j in means], list(means.values()))
+            cells.append(f"{fit.a:.3f} {fit.b:+.3f} ln x")
+        lines.append([method, *cells])
+    return markdown(["method", *MEASURES.values()], lines)

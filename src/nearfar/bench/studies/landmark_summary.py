@@ -4,15 +4,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os.path import normpath
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nearfar.bench.studies.curves import Estimate, estimate_of, resampled_weights
+from nearfar.bench.studies.curves import (
+    Estimate,
+    estimate_of,
+    interval_text,
+    percent,
+    resampled_weights,
+)
+from nearfar.bench.studies.landmarks import LandmarkResult
 from nearfar.bench.tables import distinct, markdown
-from nearfar.render.plotting import figure_axes, save_png_and_svg
-from nearfar.storage.rows import Row
 
 EDGES = (1, 2, 4)
 """Lower edges of the bins of scale change."""
@@ -41,8 +45,8 @@ class Tally:
     """
 
     descriptor: str
-    dimensions: int
-    rows: tuple[Row, ...]
+    dimensions: int | None
+    rows: tuple[LandmarkResult, ...]
     regions: Sums
     findable: Sums
     first: Sums
@@ -54,13 +58,13 @@ class Tally:
     @property
     def bins(self) -> NDArray[np.intp]:
         """(N,) index of the bin of each pair's scale change."""
-        return np.array([bin_index(row["true_scale_change"]) for row in self.rows], np.intp)
+        return np.array([bin_index(row.true_scale_change) for row in self.rows], np.intp)
 
     @property
     def scenes(self) -> NDArray[np.intp]:
         """(N,) index of the scene of each pair, from 0; pairs of one far image show one scene."""
         first: dict[str, str] = {}
-        names = [first.setdefault(normpath(row["far"]), row["scene"]) for row in self.rows]
+        names = [first.setdefault(normpath(row.far), row.scene) for row in self.rows]
         return np.unique(names, return_inverse=True)[1].astype(np.intp)
 
     def ratio(self, part: Sums, whole: Sums, seed: int, chosen: int | None = None) -> Estimate:
@@ -80,14 +84,14 @@ def bin_index(scale: float) -> int:
     return int(np.searchsorted(EDGES[1:], scale, side="right"))
 
 
-def tallies(rows: Sequence[Row], search: str) -> list[Tally]:
+def tallies(rows: Sequence[LandmarkResult], search: str) -> list[Tally]:
     """What each descriptor found, in the pairs in which all of them had regions to search for."""
-    own = [row for row in rows if row["search"] == search]
-    found = {(row["descriptor"], row["case"]): row for row in own if row["regions"]}
-    descriptors = distinct(row["descriptor"] for row in own)
+    own = [row for row in rows if row.search == search]
+    found = {(row.descriptor, row.case): row for row in own if row.regions}
+    descriptors = distinct(row.descriptor for row in own)
     cases = [
         case
-        for case in distinct(row["case"] for row in own)
+        for case in distinct(row.case for row in own)
         if all((descriptor, case) in found for descriptor in descriptors)
     ]
     return [
@@ -97,43 +101,43 @@ def tallies(rows: Sequence[Row], search: str) -> list[Tally]:
     ]
 
 
-def _tally(descriptor: str, rows: Sequence[Row]) -> Tally:
-    def sums(value: Callable[[Row], float]) -> Sums:
+def _tally(descriptor: str, rows: Sequence[LandmarkResult]) -> Tally:
+    def sums(value: Callable[[LandmarkResult], float]) -> Sums:
         return np.array([value(row) for row in rows], np.float64)
 
     return Tally(
         descriptor=descriptor,
-        dimensions=rows[0]["dimensions"],
+        dimensions=rows[0].dimensions,
         rows=tuple(rows),
-        regions=sums(lambda row: row["regions"]),
-        findable=sums(lambda row: sum(row["findable"])),
+        regions=sums(lambda row: row.regions),
+        findable=sums(lambda row: sum(row.findable)),
         first=sums(lambda row: _within(row, 1)),
         ten=sums(lambda row: _within(row, 10)),
         first_findable=sums(lambda row: _within(row, 1, findable=True)),
         ten_findable=sums(lambda row: _within(row, 10, findable=True)),
-        precision=sums(_dense_precision if rows[0]["search"] == "dense" else _box_precision),
+        precision=sums(_dense_precision if rows[0].search == "dense" else _box_precision),
     )
 
 
-def _within(row: Row, most: int, *, findable: bool = False) -> int:
+def _within(row: LandmarkResult, most: int, *, findable: bool = False) -> int:
     """Regions, or findable ones, with a right answer among so many first ones."""
     return sum(
         rank is not None and rank <= most and (possible or not findable)
-        for rank, possible in zip(row["first_right"], row["findable"], strict=True)
+        for rank, possible in zip(row.first_correct, row.findable, strict=True)
     )
 
 
-def _box_precision(row: Row) -> float:
-    return math.fsum(each or 0.0 for each in row["average_precision"])
+def _box_precision(row: LandmarkResult) -> float:
+    return math.fsum(each or 0.0 for each in row.average_precision)
 
 
-def _dense_precision(row: Row) -> float:
-    return math.fsum(1 / rank for rank in row["first_right"] if rank is not None)
+def _dense_precision(row: LandmarkResult) -> float:
+    return math.fsum(1 / rank for rank in row.first_correct if rank is not None)
 
 
 def recall_table(found: Sequence[Tally], seed: int) -> str:
     """Markdown: a line a descriptor, over all pairs, in percent with intervals."""
-    dense = found[0].rows[0]["search"] == "dense"
+    dense = found[0].rows[0].search == "dense"
     header = [
         "descriptor",
         "values",
@@ -226,26 +230,15 @@ def ratio_table(found: Sequence[Tally], baseline: str, seed: int, *, misses: boo
     return markdown([f"against {baseline}", "all", *(BINS[index] for index in there)], lines)
 
 
-def percent(each: Estimate) -> str:
-    """A share and its interval, in percent."""
-    return _text(each, lambda part: f"{100 * part:.0f}")
-
-
 def _number(each: Estimate) -> str:
-    return _text(each, lambda part: f"{part:.2f}")
-
-
-def _text(each: Estimate, shown: Callable[[float], str]) -> str:
-    if math.isnan(each.value):
-        return ""
-    return f"{shown(each.value)} ({shown(each.low)} to {shown(each.high)})"
+    return interval_text(each, lambda part: f"{part:.2f}")
 
 
 def _speed(own: Tally, *, dense: bool) -> str:
-    seconds = [row["seconds"]["far image"] for row in own.rows]
+    seconds = [row.seconds["far image"] for row in own.rows]
     if dense:
         return f"{np.median(seconds):.2f}"
-    boxes = sum(row["far_boxes"] for row in own.rows)
+    boxes = sum(row.far_boxes for row in own.rows)
     return f"{boxes / sum(seconds):.0f}" if sum(seconds) > 0 else ""
 
 
@@ -253,48 +246,3 @@ def _quotient(part: ArrayLike, whole: ArrayLike) -> Sums:
     """Part over whole; infinite for a whole of 0, NaN where both are 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.divide(part, whole), np.float64)
-
-
-_SPREAD = 0.8
-"""Width that the descriptors of a bin share, of the distance between bins."""
-
-
-def plot_recall(found: Sequence[Tally], title: str, file: Path, seed: int) -> list[Path]:
-    """Draw recall@1 with its interval and recall@10 of each descriptor in each bin.
-
-    A grey line marks the share of regions that are findable.
-
-    Args:
-        found: what the descriptors found.
-        title: of the plot.
-        file: path without a suffix.
-        seed: of the intervals.
-
-    Returns:
-        The files written, a PNG and an SVG.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    figure, axes = figure_axes()
-    there = [index for index in range(len(BINS)) if (found[0].bins == index).any()]
-    for place, index in enumerate(there):
-        limit = found[0].ratio(found[0].findable, found[0].regions, seed, index).value
-        ends = place - _SPREAD / 2, place + _SPREAD / 2
-        label = "findable" if place == 0 else None
-        axes.hlines(limit, *ends, color="grey", linewidth=1, linestyle="--", label=label)
-    for number, own in enumerate(found):
-        first = [own.ratio(own.first, own.regions, seed, index) for index in there]
-        ten = [own.ratio(own.ten, own.regions, seed, index).value for index in there]
-        x = np.arange(len(there)) + _SPREAD * ((number + 0.5) / len(found) - 0.5)
-        colour = f"C{number % 10}"
-        low, high = [each.low for each in first], [each.high for each in first]
-        axes.vlines(x, low, high, color=colour, linewidth=1.5, alpha=0.7)
-        axes.plot(x, [each.value for each in first], "o", color=colour, label=own.descriptor)
-        axes.plot(x, ten, "o", color=colour, markerfacecolor="none")
-    axes.set_xticks(range(len(there)), [BINS[index] for index in there])
-    axes.set(xlim=(-0.5, len(there) - 0.5), ylim=(-0.03, 1.03), title=title)
-    axes.set_xlabel("scale change of the pair")
-    axes.set_ylabel("recall@1 (filled) and recall@10 (open)")
-    axes.legend(fontsize="small")
-    return save_png_and_svg(figure, file)

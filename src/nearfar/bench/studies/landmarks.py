@@ -5,10 +5,10 @@ pair tells. It is searched for in the far image: among the proposals there, or a
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -60,6 +60,59 @@ class LandmarkTask(Task):
     features: Path
 
 
+@dataclass(frozen=True)
+class LandmarkResult:
+    """What one kind of search found of one pair's regions with one descriptor.
+
+    Attributes:
+        case: name of the pair.
+        scene: what pairs of one scene have in common in their names.
+        far: path of the far image.
+        true_scale_change: scale change of the pair.
+        descriptor: name of the descriptor.
+        search: kind of search.
+        status: "searched" or "error".
+        reason: what went wrong; None where nothing did.
+        dimensions: values of one descriptor; None where nothing was described.
+        regions: number of regions that were searched for.
+        findable: for each region, whether it has a counterpart; see `Found`.
+        first_correct: for each region, rank of the first correct answer, from 1, or None.
+        average_precision: for each region, see `Found`.
+        far_boxes: boxes of the far image that were described.
+        seconds: wall time by stage.
+        row: the row as it was read.
+    """
+
+    case: str
+    scene: str
+    far: str
+    true_scale_change: float
+    descriptor: str
+    search: Search
+    status: str
+    reason: str | None
+    dimensions: int | None
+    regions: int
+    findable: Sequence[bool]
+    first_correct: Sequence[int | None]
+    average_precision: Sequence[float | None]
+    far_boxes: int
+    seconds: Mapping[str, float]
+    row: Row
+
+    @classmethod
+    def from_dict(cls, row: Row) -> "LandmarkResult":
+        """Return the result in a row of `landmarks.jsonl`."""
+        names = {field.name: field.name for field in fields(cls)} | {"first_correct": "first_right"}
+        del names["row"]
+        found: dict[str, Any] = {name: row.get(column) for name, column in names.items()}
+        return cls(**found, row=row)
+
+    def to_dict(self) -> Row:
+        """Return the row for JSON."""
+        return self.row
+
+
 @dataclass(frozen=True, eq=False)
 class Proposals:
     """The boxes of an image at several scales.
@@ -78,7 +131,7 @@ def run_landmarks(
     *,
     regions: dict[Search, int],
     workers: Workers | None = None,
-) -> list[Row]:
+) -> list[LandmarkResult]:
     """Search for regions of every pair with every descriptor, skipping what the file holds already.
 
     A pair that cannot be read, or kills its worker, is recorded with the reason, and the run goes
@@ -94,7 +147,7 @@ def run_landmarks(
         workers: where the work is done; None: this process.
 
     Returns:
-        All rows of these pairs, settings and searches.
+        The results of these pairs, settings and searches.
 
     Raises:
         SettingsError: a descriptor is unknown.
@@ -124,7 +177,8 @@ def run_landmarks(
         if search == "boxes" or maps
         for case, data in zip(cases, hashes, strict=True)
     ]
-    return resume(file, wanted, search_pair, settings=finer, identity=IDENTITY, workers=workers)
+    rows = resume(file, wanted, search_pair, settings=finer, identity=IDENTITY, workers=workers)
+    return [LandmarkResult.from_dict(row) for row in rows]
 
 
 def finer_proposals(settings: Settings) -> Settings:

@@ -1,17 +1,16 @@
 """Descriptors of all network taps at once, kept in files for the sweep."""
 
-import functools
 import hashlib
 import tempfile
 import weakref
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from cachetools import LRUCache
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels, Vectors
@@ -92,12 +91,10 @@ class VectorFile:
         return list(accumulate(lengths, initial=0))
 
 
-Value = TypeVar("Value")
-
 LEAST_KEPT = 2
-"""Images whose features are kept whatever their size: those of one pair."""
+"""Number of images, those of one pair, whose vectors are kept whatever their size."""
 MOST_KEPT = 100
-"""Images whose boxes and points, or vectors for one crop size, are kept at most."""
+"""Largest number of images whose boxes and points, or vectors of one crop size, are kept."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +150,10 @@ def taps_of(descriptor: str) -> tuple[Tap, ...]:
     return tuple(taps)
 
 
+_Source = tuple[str, int]
+"""A network and the side of its crops."""
+
+
 class TapFeatures:
     """Boxes, points and vectors of images; each is computed once while it is kept.
 
@@ -172,7 +173,7 @@ class TapFeatures:
         self._proposer = PROPOSERS.create(settings.proposer, settings)
         self._folder = folder
         self._batch_size = settings.batch_size
-        self._layers: dict[tuple[str, int], list[str]] = {}
+        self._layers: dict[_Source, list[str]] = {}
         for tap in dict.fromkeys(taps):
             self._layers.setdefault((tap.network, tap.size), []).append(tap.layer)
         tensors = {
@@ -184,33 +185,46 @@ class TapFeatures:
             )
             for (network, size), layers in self._layers.items()
         }
-        self._images = _Recent[tuple[Boxes, Keypoints]](MOST_KEPT, lambda _: 1)
-        self._vectors = _Recent[VectorFile](disk_bytes, lambda vectors: vectors.nbytes)
+        self._images: LRUCache[str, tuple[Boxes, Keypoints]] = LRUCache(MOST_KEPT)
+        self._pair: LRUCache[tuple[str, _Source], VectorFile] = LRUCache(LEAST_KEPT)
+        self._vectors: LRUCache[tuple[str, _Source], VectorFile] = LRUCache(
+            disk_bytes, getsizeof=lambda found: max(found.nbytes, disk_bytes // MOST_KEPT)
+        )
 
     def extract(self, pixels: RGBPixels, taps: Sequence[Tap], timer: StageTimer) -> PaperFeatures:
         """What method `paper` needs of an image with some outputs as descriptors."""
         image = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest()
-        boxes, points = self._images.get(image, lambda: self._detect(pixels, timer))
+        if image not in self._images:
+            self._images[image] = self._detect(pixels, timer)
+        boxes, points = self._images[image]
         layers = []
         for tap in taps:
             source = tap.network, tap.size
-            describe = functools.partial(self._describe, source, pixels, boxes, timer)
-            vectors = self._vectors.get((image, source), describe)
+            vectors = self._vectors_of(image, source, pixels, boxes, timer)
             output = self._layers[source].index(tap.layer)
             layers.append(Landmarks(boxes, vectors.vectors(output)))
         return PaperFeatures(LandmarkLayers(tuple(layers)), points)
+
+    def _vectors_of(
+        self, image: str, source: _Source, pixels: RGBPixels, boxes: Boxes, timer: StageTimer
+    ) -> VectorFile:
+        """Return the vectors of the boxes of an image, computed where they are not kept."""
+        key = image, source
+        found = self._pair.get(key) or self._vectors.get(key)
+        if found is None:
+            with timer.stage("descriptors"):
+                network = self._networks[source]
+                found = VectorFile(network, pixels, boxes, self._folder, self._batch_size)
+            if found.nbytes <= self._vectors.maxsize:
+                self._vectors[key] = found
+        self._pair[key] = found
+        return found
 
     def _detect(self, pixels: RGBPixels, timer: StageTimer) -> tuple[Boxes, Keypoints]:
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("points"):
             return boxes, detect_sift(pixels)
-
-    def _describe(
-        self, source: tuple[str, int], pixels: RGBPixels, boxes: Boxes, timer: StageTimer
-    ) -> VectorFile:
-        with timer.stage("descriptors"):
-            return VectorFile(self._networks[source], pixels, boxes, self._folder, self._batch_size)
 
 
 class TapMethod:
@@ -238,24 +252,3 @@ class TapMethod:
     ) -> Answer:
         """See `Method.localize`."""
         return match_and_estimate(far, near, task, self._estimator, timer)
-
-
-class _Recent(Generic[Value]):
-    """The values used last, at least those of one pair, up to a total size and number."""
-
-    def __init__(self, limit: int, size: Callable[[Value], int]) -> None:
-        self._limit = limit
-        self._size = size
-        self._values: OrderedDict[Hashable, Value] = OrderedDict()
-
-    def get(self, key: Hashable, compute: Callable[[], Value]) -> Value:
-        if key not in self._values:
-            self._values[key] = compute()
-        self._values.move_to_end(key)
-        while len(self._values) > LEAST_KEPT and self._over():
-            self._values.popitem(last=False)
-        return self._values[key]
-
-    def _over(self) -> bool:
-        total = sum(map(self._size, self._values.values()))
-        return len(self._values) > MOST_KEPT or total > self._limit

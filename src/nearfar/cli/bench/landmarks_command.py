@@ -8,22 +8,27 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.figures import plot_recall
 from nearfar.bench.studies.landmark_summary import (
     Tally,
     bin_table,
-    plot_recall,
     ratio_table,
     recall_table,
     tallies,
 )
-from nearfar.bench.studies.landmarks import SEARCHES, Search, has_feature_maps, run_landmarks
+from nearfar.bench.studies.landmarks import (
+    SEARCHES,
+    LandmarkResult,
+    Search,
+    has_feature_maps,
+    run_landmarks,
+)
 from nearfar.bench.studies.scale_curve import base_pairs
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
 from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import SettingsError
 from nearfar.runtime.extras import require
 from nearfar.settings import Settings
-from nearfar.storage.rows import Row
 
 _TITLES = {
     "boxes": "Among the boxes of the far image",
@@ -116,16 +121,16 @@ def _report(
     _print("\n\n".join(parts) + "\n")
 
 
-def _print_remarks(rows: Sequence[Row], dense: Sequence[Settings]) -> None:
+def _print_remarks(rows: Sequence[LandmarkResult], dense: Sequence[Settings]) -> None:
     """Say what is left out of the tables and why."""
     for each in dense:
         if not has_feature_maps(each):
             _print(f"{each.descriptor} has no feature maps, so there is no dense search with it.")
     for row in rows:
-        name = f"{row['case']}, {row['descriptor']}, {row['search']}"
-        if row["status"] == "error":
-            _print(f"{name}: {row['reason']}")
-        elif not row["regions"]:
+        name = f"{row.case}, {row.descriptor}, {row.search}"
+        if row.status == "error":
+            _print(f"{name}: {row.reason}")
+        elif not row.regions:
             _print(f"{name}: the far image shows no proposal of the near one.")
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from nearfar.bench.datasets.cases import Case
+from nearfar.bench.results import Result
 from nearfar.bench.runner import run
 from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
@@ -16,7 +17,6 @@ from nearfar.methods import METHODS
 from nearfar.runtime.extras import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, Url
-from nearfar.storage.rows import Row
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +88,9 @@ def on_disk(out: Location) -> Path:
 RunOptions = Annotated[_RunOptions, Parameter(name="*", group="Run")]
 
 
-def run_cases(cases: list[Case], options: _RunOptions, settings: Settings, name: str) -> list[Row]:
+def run_cases(
+    cases: list[Case], options: _RunOptions, settings: Settings, name: str
+) -> list[Result]:
     """Run the methods of the options over the cases; results go to OUT/`name`.jsonl.
 
     Raises:

@@ -7,16 +7,23 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from nearfar.bench.datasets.pairs import find_pairs
-from nearfar.bench.studies.kitti import PairCounts, count_pairs, find_kitti_cases
-from nearfar.bench.studies.kitti_summary import (
-    PAPER_PAIRS,
+from nearfar.bench.figures import plot_kitti, plot_pairs
+from nearfar.bench.studies.kitti import (
+    PairCounts,
+    count_pairs,
+    find_kitti_cases,
     fit_table,
-    plot_kitti,
     step_table,
-    table_two,
 )
-from nearfar.bench.studies.pairs import plot_pairs, resized_to_paper, table_three
-from nearfar.bench.tables import risk_table, success_table, time_table
+from nearfar.bench.studies.pairs import resized_to_paper
+from nearfar.bench.tables import (
+    PAPER_PAIRS,
+    risk_table,
+    success_table,
+    table_three,
+    table_two,
+    time_table,
+)
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, RunOptions, run_cases, sampled
 from nearfar.cli.options import Flag
 from nearfar.errors import BenchmarkError, SettingsError
@@ -51,7 +58,7 @@ def pairs_command(
     titles = {
         "Successes, strict / loose": success_table(rows),
         "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (
-            table_three(rows)
+            table_three(rows).markdown()
         ),
         "Wrong (strict) among the answers, at the share of pairs answered": risk_table(
             rows, settings.max_false_alarms
@@ -104,7 +111,9 @@ def kitti_command(
         raise BenchmarkError(f"{folder} has no pairs of the sequences {', '.join(missing)}")
     rows = run_cases(cases, options, settings, "kitti")
     titles = {
-        "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(rows),
+        "Means over all pairs, failures counted as 1 (the paper's Table II)": table_two(
+            rows
+        ).markdown(),
         "Share within 5 degrees": step_table(rows),
         "Fits of the group means, a + b ln(metres)": fit_table(rows),
         "Wrong among the answers, at the share of pairs answered": risk_table(

@@ -12,8 +12,9 @@ from rich.progress import Progress
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.composites import Backgrounds
 from nearfar.bench.datasets.pairs import find_pairs
-from nearfar.bench.studies.curve_figures import difference_table, half_table, plot_curve, rate_table
-from nearfar.bench.studies.curves import outcomes
+from nearfar.bench.figures import plot_curve
+from nearfar.bench.results import Result
+from nearfar.bench.studies.curves import difference_table, half_table, outcomes, rate_table
 from nearfar.bench.studies.scale_curve import (
     FACTORS,
     MODES,
@@ -33,7 +34,6 @@ from nearfar.cli.bench.options import (
 )
 from nearfar.errors import BenchmarkError
 from nearfar.runtime.extras import require
-from nearfar.storage.rows import Row
 
 _TITLES = {
     "pairs": "Real pairs by their own scale change",
@@ -87,7 +87,7 @@ def scale_curve_command(
     _make([plan for plan in plans if plan.case.name in names], backgrounds, found, bases, case_seed)
     rows = run_cases(cases, options, settings, "scale_curve")
     for each in modes:
-        own = [row for row in rows if row["tags"]["mode"] == each]
+        own = [row for row in rows if row.tags["mode"] == each]
         if own:
             _report(each, own, out, settings.seed)
     console = Console(emoji=False, highlight=False, soft_wrap=True)
@@ -117,7 +117,7 @@ def _images(cases: Sequence[Case]) -> list[Path]:
     return [image for case in cases for image in (case.far, case.near)]
 
 
-def _report(mode: Mode, rows: Sequence[Row], out: Path, seed: int) -> None:
+def _report(mode: Mode, rows: Sequence[Result], out: Path, seed: int) -> None:
     """Print the tables of a mode and write its plot."""
     strict, loose = outcomes(rows, "strict"), outcomes(rows, "loose")
     tables = [

@@ -1,7 +1,6 @@
 """Lists of poses of map images, as KITTI and TUM write them."""
 
 import itertools
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -15,6 +14,7 @@ from nearfar.errors import MapError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.sources import MAP_SOURCES, GivenImage, MapSource
 from nearfar.maps.world.scene import PosedImage
+from nearfar.storage.locations import natural_key
 
 ROUNDING = 0.01
 """Largest deviation of a rounded rotation from unit length; it is then made a rotation."""
@@ -143,17 +143,11 @@ def _rotation(quaternion: NDArray[np.float64]) -> Matrix3:
 def _check_order(names: Sequence[str], file: Path) -> None:
     """Refuse an order of letters that is none of numbers: 10 before 2."""
     for first, second in itertools.pairwise(names):
-        if first < second and _natural(first) > _natural(second):
+        if first < second and natural_key(first) > natural_key(second):
             raise MapError(
                 f"the poses {file} are those of the images in their order, but {first} comes "
                 f"before {second}: give the numbers in their names leading zeros"
             )
-
-
-def _natural(name: str) -> list[tuple[str, float]]:
-    """A key by which 2 comes before 10."""
-    parts = re.findall(r"(\D*)((?:\d+(?:\.\d+)?)?)", name)
-    return [(text, float(number or -1)) for text, number in parts]
 
 
 def _by_time(names: Sequence[str], times: NDArray[np.float64], file: Path) -> list[int | None]:

@@ -1,4 +1,4 @@
-"""Counting successes, with their uncertainty, and averaging errors and times."""
+"""Counts of successes with their intervals, and means and medians of errors and times."""
 
 import math
 import re
@@ -6,33 +6,34 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from nearfar.bench.report.load import Benchmark, Result
+from nearfar.bench.results import Result
+from nearfar.storage.locations import natural_key
 
 DASH = "\N{EN DASH}"
-"""Between the limits of an interval, and where there is no value."""
+"""Stands between the limits of an interval, and where there is no value."""
 
 _RANGE = re.compile(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)")
 _NUMBERED = re.compile(r"(\w+)=(-?\d+(?:\.\d+)?)")
 
 _Z = 1.959963984540054
-"""Of a two-sided interval of 95 %."""
+"""Quantile of the normal distribution for a two-sided interval of 95 %."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """So many of so many, with the 95 % interval of the share (Wilson, 1927)."""
+    """A count out of a total, with the 95 % interval of the share (Wilson, 1927)."""
 
     count: int
     of: int
 
     @property
     def value(self) -> float:
-        """The share, 0..1; 0 of nothing."""
+        """The share, 0 to 1; 0 where the total is 0."""
         return self.count / self.of if self.of else 0.0
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Lower and upper limit, 0..1."""
+        """Lower and upper limit, 0 to 1."""
         if self.of == 0:
             return 0.0, 1.0
         weight = _Z**2 / self.of
@@ -49,8 +50,8 @@ class Summary:
         strict: successes by the strict limit.
         loose: successes by the loose limit.
         unanswered: cases without an answer, unreadable images among them.
-        median_error: of the answers, right or wrong; None without any.
-        median_seconds: of the whole time of a case; None where not recorded.
+        median_error: of all answers, correct or not; None without answers.
+        median_seconds: of the total time of a case; None where not recorded.
     """
 
     strict: Share
@@ -61,7 +62,7 @@ class Summary:
 
 
 def summarize(results: Sequence[Result]) -> Summary:
-    """Sum up results."""
+    """Summarize results of one method."""
     count = len(results)
     return Summary(
         strict=Share(sum(result.strict for result in results), count),
@@ -72,19 +73,19 @@ def summarize(results: Sequence[Result]) -> Summary:
     )
 
 
-def by_method(benchmark: Benchmark) -> dict[str, list[Result]]:
-    """The results of each method, in the order in which the methods ran."""
-    return _grouped(benchmark.results, lambda result: result.method)
+def by_method(results: Iterable[Result]) -> dict[str, list[Result]]:
+    """Return the results of each method, in the order in which the methods ran."""
+    return _grouped(results, lambda result: result.method)
 
 
 def by_group(results: Iterable[Result]) -> dict[str, list[Result]]:
-    """The results of each group, in natural order: j=2 before j=10."""
+    """Return the results of each group, in natural order: j=2 before j=10."""
     found = _grouped(results, lambda result: result.group)
-    return {group: found[group] for group in sorted(found, key=_natural)}
+    return {group: found[group] for group in sorted(found, key=natural_key)}
 
 
 def group_number(group: str) -> float | None:
-    """The 4 of "j=4", the middle of "4-6"; None of a group without a number."""
+    """Return the 4 of "j=4", the middle of "4-6", and None for a group without a number."""
     if found := _RANGE.fullmatch(group):
         return (float(found[1]) + float(found[2])) / 2
     found = _NUMBERED.fullmatch(group)
@@ -92,54 +93,54 @@ def group_number(group: str) -> float | None:
 
 
 def group_axis(group: str) -> str:
-    """What the number of a group is, e.g. j; ranges are of scale change."""
+    """Return what the number of a group counts, such as j; a range is one of scale change."""
     found = _NUMBERED.fullmatch(group)
     return found[1] if found else "scale change"
 
 
-def numbered(benchmark: Benchmark) -> bool:
-    """Whether all groups have numbers."""
-    return all(group_number(result.group) is not None for result in benchmark.results)
+def numbered(results: Iterable[Result]) -> bool:
+    """Tell whether all groups have numbers."""
+    return all(group_number(result.group) is not None for result in results)
 
 
-def same_cases(benchmark: Benchmark) -> bool:
-    """Whether every method ran on every case."""
-    cases = [{result.case for result in results} for results in by_method(benchmark).values()]
+def same_cases(results: Iterable[Result]) -> bool:
+    """Tell whether every method ran on every case."""
+    cases = [{result.case for result in own} for own in by_method(results).values()]
     return all(each == cases[0] for each in cases)
 
 
 def measure_names(results: Iterable[Result]) -> list[str]:
-    """Names of the further numbers of rows, in order of appearance."""
+    """Return the names of all measures, in order of appearance."""
     return list(dict.fromkeys(name for result in results for name in result.measures))
 
 
 def measured(results: Iterable[Result], name: str) -> list[float]:
-    """The values of a further number, where the rows have it."""
+    """Return the values of a measure, where the results have it."""
     return [result.measures[name] for result in results if name in result.measures]
 
 
 def mean_distance(results: Sequence[Result]) -> float | None:
-    """Mean distance between the cameras; None where unknown."""
+    """Return the mean distance between the cameras in metres; None where unknown."""
     distances = [result.distance for result in results if result.distance is not None]
     return statistics.fmean(distances) if distances else None
 
 
 def stage_means(results: Sequence[Result]) -> dict[str, float]:
-    """Mean seconds of each stage over the timed cases; a stage that did not run took none."""
+    """Return the mean seconds of each stage over the timed cases; a stage that did not run is 0."""
     timed = [result.seconds for result in results if result.seconds]
     stages = dict.fromkeys(stage for seconds in timed for stage in seconds)
     return {stage: statistics.fmean(s.get(stage, 0.0) for s in timed) for stage in stages}
 
 
 def median(values: Iterable[float | None]) -> float | None:
-    """The median of what is there; None of nothing."""
+    """Return the median of the values that are not None; None where there are none."""
     there = [value for value in values if value is not None]
     return statistics.median(there) if there else None
 
 
-def is_pose(benchmark: Benchmark) -> bool:
-    """Whether the errors are degrees of poses instead of pixels."""
-    return all(result.model == "pose" for result in benchmark.results)
+def is_pose(results: Iterable[Result]) -> bool:
+    """Tell whether the errors are degrees of poses instead of pixels."""
+    return all(result.model == "pose" for result in results)
 
 
 def _grouped(results: Iterable[Result], key: Callable[[Result], str]) -> dict[str, list[Result]]:
@@ -147,8 +148,3 @@ def _grouped(results: Iterable[Result], key: Callable[[Result], str]) -> dict[st
     for result in results:
         groups.setdefault(key(result), []).append(result)
     return groups
-
-
-def _natural(group: str) -> tuple[str, float, str]:
-    number = group_number(group)
-    return (group, 0.0, "") if number is None else (group_axis(group), number, group)

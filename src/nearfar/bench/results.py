@@ -1,5 +1,6 @@
-"""Reading what benchmarks wrote: rows of JSON Lines and `run.json`, as typed records."""
+"""Results of benchmarks as typed records, and reading them from JSON Lines and `run.json`."""
 
+import dataclasses
 import json
 import math
 from collections import Counter
@@ -8,36 +9,35 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from nearfar.bench.tables import method_name
 from nearfar.errors import BenchmarkError
+from nearfar.storage.rows import Row
 
 _NAMED = {"true_scale_change", "inliers", "matches", "landmark_matches", "scale_change", "error"}
-"""Numbers of a row that have a field of their own."""
+"""Numbers of a row that are no measures: the report shows them elsewhere or not at all."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Result:
-    """What one method answered in one case; numbers that a row lacks are None.
+    """What one method answered in one case; numbers that the row lacks are None.
 
     Attributes:
         case: name of the case.
-        group: what results are summed up by.
+        group: group in which results are summed up.
         method: name of the method with its descriptor, as tables show it.
         settings: hash of the settings.
         model: kind of model.
         status: "localized", "failed" or "error".
         reason: why there is no answer.
-        strict: whether the answer is right by the strict limit.
-        loose: the same by the loose limit.
+        strict: whether the answer is correct by the strict limit.
+        loose: whether the answer is correct by the loose limit.
         error: in pixels, or degrees of a pose.
-        true_scale_change: of the case.
-        distance: between the cameras in metres.
-        licence: of the images; None where not stated.
-        far: path of the far image as the row has it.
-        near: path of the near image.
+        true_scale_change: scale change of the case.
+        far: path of the far image, as the row has it.
+        near: path of the near image, as the row has it.
         homography: 3x3 rows, mapping near to far pixels; None for other models.
         seconds: wall time by stage.
         measures: every other number of the row by its name.
+        tags: further properties of the case by name.
         row: the row as it was read.
     """
 
@@ -52,19 +52,63 @@ class Result:
     loose: bool
     error: float | None
     true_scale_change: float | None
-    distance: float | None
-    licence: str | None
     far: Path | None
     near: Path | None
     homography: Sequence[Sequence[float]] | None
     seconds: Mapping[str, float]
     measures: Mapping[str, float]
-    row: Mapping[str, Any]
+    tags: Mapping[str, Any]
+    row: Row
+
+    @classmethod
+    def from_dict(cls, row: Row) -> "Result":
+        """Return the result in a row of a result file; values of an unexpected kind count as None.
+
+        Args:
+            row: has at least the texts `case` and `method`.
+        """
+        numbers = {name: number for name in row if (number := _number(row[name])) is not None}
+        homography = _table(row.get("far_from_near")).get("homography")
+        descriptor = row.get("descriptor")
+        return cls(
+            case=row["case"],
+            group=str(row.get("group", "")),
+            method=row["method"] if descriptor is None else f"{row['method']} ({descriptor})",
+            settings=str(row.get("settings") or ""),
+            model=str(row.get("model", "")),
+            status=str(row.get("status", "error")),
+            reason=None if row.get("reason") is None else str(row["reason"]),
+            strict=row.get("strict") is True,
+            loose=row.get("loose") is True,
+            error=numbers.get("error"),
+            true_scale_change=numbers.get("true_scale_change"),
+            far=_path(row.get("far")),
+            near=_path(row.get("near")),
+            homography=homography if _is_matrix(homography) else None,
+            seconds=_numbers(row.get("seconds")),
+            measures={name: value for name, value in numbers.items() if name not in _NAMED},
+            tags=_table(row.get("tags")),
+            row=row,
+        )
+
+    def to_dict(self) -> Row:
+        """Return the row for JSON."""
+        return self.row
 
     @property
     def localized(self) -> bool:
-        """Whether there is an answer, right or wrong."""
+        """Whether there is an answer, correct or not."""
         return self.status == "localized"
+
+    @property
+    def distance(self) -> float | None:
+        """Distance between the cameras in metres."""
+        return _number(self.tags.get("distance"))
+
+    @property
+    def licence(self) -> str | None:
+        """Licence of the images; None where not stated."""
+        return None if self.tags.get("licence") is None else str(self.tags["licence"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +117,7 @@ class Benchmark:
 
     Attributes:
         name: stem of its result file.
-        results: a row each; of rows with the same case and settings the last.
+        results: one for each case, settings and method; of several rows the last one.
         skipped: number of lines that could not be read.
     """
 
@@ -84,7 +128,7 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What `run.json` says about how the results came about.
+    """How the results of a run were made, from `run.json`.
 
     Attributes:
         folder: name of the run's folder.
@@ -106,7 +150,7 @@ class RunRecord:
 
 
 def load_benchmarks(folders: Sequence[Path]) -> list[Benchmark]:
-    """The benchmarks in result folders; files of the same name are one benchmark.
+    """Read the benchmarks in result folders; files of the same name are one benchmark.
 
     Raises:
         BenchmarkError: a folder does not exist, or there are no results in any.
@@ -127,7 +171,7 @@ def load_benchmarks(folders: Sequence[Path]) -> list[Benchmark]:
 
 
 def load_record(folder: Path) -> RunRecord:
-    """What a folder's `run.json` says; what is missing or malformed there is left empty."""
+    """Read a folder's `run.json`; what is missing or malformed there is left empty."""
     try:
         content = _table(json.loads((folder / "run.json").read_text(encoding="utf-8")))
     except (OSError, ValueError):
@@ -146,7 +190,8 @@ def load_record(folder: Path) -> RunRecord:
 
 
 def _read_benchmark(name: str, files: Sequence[Path]) -> Benchmark:
-    rows, skipped = {}, 0
+    results: dict[tuple[str, ...], Result] = {}
+    skipped = 0
     for file in files:
         for line in file.read_bytes().split(b"\n"):
             if not line.strip():
@@ -155,13 +200,12 @@ def _read_benchmark(name: str, files: Sequence[Path]) -> Benchmark:
             if row is None:
                 skipped += 1
             else:
-                rows[row["case"], row.get("settings"), row["method"]] = row
-    names = _distinct_names(list(rows.values()))
-    results = (_result(row, names[_identity(row)]) for row in rows.values())
-    return Benchmark(name, tuple(results), skipped)
+                result = Result.from_dict(row)
+                results[result.case, result.settings, result.row["method"]] = result
+    return Benchmark(name, tuple(_with_distinct_names(list(results.values()))), skipped)
 
 
-def _row(line: bytes) -> dict[str, Any] | None:
+def _row(line: bytes) -> Row | None:
     try:
         row = json.loads(line)
     except ValueError:
@@ -171,49 +215,19 @@ def _row(line: bytes) -> dict[str, Any] | None:
     return row if all(isinstance(row.get(key), str) for key in ("case", "method")) else None
 
 
-def _identity(row: Mapping[str, Any]) -> tuple[str, str]:
-    return method_name(dict(row)), str(row.get("settings") or "")
-
-
-def _distinct_names(rows: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], str]:
-    """A name for each method and settings, with the settings only where the method has several."""
-    identities = dict.fromkeys(map(_identity, rows))
-    often = Counter(name for name, _ in identities)
-    return {
-        (name, settings): name if often[name] == 1 else f"{name} · {settings[:6]}"
-        for name, settings in identities
-    }
-
-
-def _result(row: Mapping[str, Any], method: str) -> Result:
-    numbers = {name: number for name in row if (number := _number(row[name])) is not None}
-    tags = _table(row.get("tags"))
-    homography = _table(row.get("far_from_near")).get("homography")
-    return Result(
-        case=row["case"],
-        group=str(row.get("group", "")),
-        method=method,
-        settings=str(row.get("settings", "")),
-        model=str(row.get("model", "")),
-        status=str(row.get("status", "error")),
-        reason=None if row.get("reason") is None else str(row["reason"]),
-        strict=row.get("strict") is True,
-        loose=row.get("loose") is True,
-        error=numbers.get("error"),
-        true_scale_change=numbers.get("true_scale_change"),
-        distance=_number(tags.get("distance")),
-        licence=None if tags.get("licence") is None else str(tags["licence"]),
-        far=_path(row.get("far")),
-        near=_path(row.get("near")),
-        homography=homography if _is_matrix(homography) else None,
-        seconds=_numbers(row.get("seconds")),
-        measures={name: value for name, value in numbers.items() if name not in _NAMED},
-        row=row,
-    )
+def _with_distinct_names(results: Sequence[Result]) -> list[Result]:
+    """Append the settings' hash to the names of methods that have results of several settings."""
+    often = Counter(name for name, _ in {(result.method, result.settings) for result in results})
+    return [
+        result
+        if often[result.method] == 1
+        else dataclasses.replace(result, method=f"{result.method} · {result.settings[:6]}")
+        for result in results
+    ]
 
 
 def _number(value: object) -> float | None:
-    """A finite number as float; None for anything else, truth values among it."""
+    """Return a finite number as float, and None for anything else, truth values included."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
