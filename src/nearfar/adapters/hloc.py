@@ -12,7 +12,7 @@ from nearfar.exports.subject import Subject
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.models import ModelKind
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def match_pairs(

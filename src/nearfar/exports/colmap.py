@@ -18,7 +18,7 @@ from nearfar.geometry.epipolar import RelativePose, essential_from_pose
 from nearfar.geometry.homography import translation
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
 from nearfar.imaging.image import Image
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 

@@ -11,7 +11,7 @@ from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.imaging.image import Image
 from nearfar.localization import Localization
 from nearfar.render.draw import AGREEING, MARK, Colour, spread
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 

@@ -11,9 +11,7 @@ from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.imaging.image import Image
 from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
-from nearfar.maps.world.geojson import ring
-from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.places import WorldCoordinates
+from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
 from nearfar.storage.locations import replaced
 
 

@@ -23,7 +23,7 @@ from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localized_in
 from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
-from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.places import geo_place
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.method import AdaptiveFeatures

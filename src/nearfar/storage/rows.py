@@ -25,7 +25,7 @@ from nearfar.errors import BenchmarkError, StorageError
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.registry import outside_code
 from nearfar.runtime.cluster import versions
-from nearfar.runtime.metrics import RunMetrics
+from nearfar.runtime.timing import RunMetrics
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, Url, replaced
 
