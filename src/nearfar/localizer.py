@@ -192,8 +192,8 @@ class Localizer:
             method=self.settings.method,
             step=answer.step,
             descriptor=self.descriptor,
-            far=far,
-            near=near,
+            far=far.info,
+            near=near.info,
         )
 
 

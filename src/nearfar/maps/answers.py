@@ -9,6 +9,7 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
+from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.world.places import DECIMALS, GeoPlace, QueryPose, ring
 from nearfar.render import save
@@ -35,6 +36,7 @@ class MapAnswer:
         points: matched points, in pixels of the original map image (far) and of the query.
         world: where the query lies on the Earth; None unless the map image is a GeoTIFF.
         localization: the query localized in a tile of the map image, in pixels of that tile.
+        images: that tile (far) and the query (near).
     """
 
     image: str
@@ -46,6 +48,7 @@ class MapAnswer:
     points: PointMatches
     world: GeoPlace | None
     localization: Localization
+    images: ImagePair
 
     def to_dict(self) -> dict[str, Any]:
         """The answer for JSON."""
@@ -65,8 +68,8 @@ class MapAnswer:
         Matched points where there is no outline.
         """
         part = self.localization
-        page = footprint_page(part, caption=self._caption())
-        return point_matches(part) if page is None else page
+        page = footprint_page(part, self.images, caption=self._caption())
+        return point_matches(part, self.images) if page is None else page
 
     def _caption(self) -> Caption:
         times, size = self.scale_change, "smaller"
