@@ -137,7 +137,7 @@ def error_table() -> str:
         f"```text\n{inspect.cleandoc(tree)}\n```\n",
         "| error | raised if | exit status |\n|---|---|---|",
     ]
-    known: list[type[Exception]] = [errors.NearfarError, *errors.NearfarError.__subclasses__()]
+    known = [each for each in vars(errors).values() if isinstance(each, type)]
     lines += [
         f"| `{each.__name__}` | {_plain(each.__doc__ or '')} | {BAD_INPUT} |" for each in known
     ]

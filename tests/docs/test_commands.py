@@ -33,6 +33,10 @@ NOT_RUN = {
     "nearfar localize far.png near.png --method paper --descriptor resnet50-res3d@64": (
         "needs weights of 98 MB"
     ),
+    "nearfar bench kitti KITTI --out RUN --jobs 2 --method sift --method objects --method paper "
+    "--descriptor resnet50-res3d@64": "needs weights of 98 MB",
+    "nearfar bench pairs PAIRS --out RUN --paper-size --jobs 2 --method sift --method objects "
+    "--method paper --descriptor resnet50-res3d@64": "needs weights of 98 MB",
     "nearfar train descriptor PHOTOS --out RUN": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --jobs 15": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --seed 1": "takes hours",

@@ -24,7 +24,7 @@ from nearfar.errors import NearfarError
 from nearfar.registry import Registry
 from nearfar.settings import Settings
 
-WRITTEN = ("index.md", "glossary.md")
+WRITTEN = ("index.md", "glossary.md", "localization-json.md", "world-coordinates.md")
 """Pages of the reference that are written by hand."""
 
 

@@ -49,7 +49,7 @@ def length(sentence: str) -> int:
 def test_sentences_are_told_apart() -> None:
     text = "Version 0.1 is here, e.g. for us. nearfar has `a.b`. (Or not.) Is it? Yes"
     assert len(END.split(text)) == 5
-    assert length("It takes 0.5 s - at 640x480.") == 5
+    assert length("It takes 0.5 s - at 640x480.") == 6
 
 
 def test_the_readme_is_easy_to_read() -> None:

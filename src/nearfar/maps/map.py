@@ -20,7 +20,7 @@ from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.scene import PosedImage
-from nearfar.runtime.logs import Progress, silent
+from nearfar.runtime.progress import Progress, silent
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, location
@@ -136,7 +136,7 @@ class Map:
 
         Args:
             images: files, folders, of which all images are added, and patterns such as
-                "photos/*.jpg"; paths, or URLs of object storage; or an `ImageSet`.
+                `photos/*.jpg`; paths, or URLs of object storage; or an `ImageSet`.
             jobs: local processes.
             scheduler: address of a Dask cluster whose workers describe the images instead; they
                 read the files themselves, at the same paths.

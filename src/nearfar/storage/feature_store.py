@@ -39,7 +39,6 @@ Features = TypeVar("Features")
 
 NOT_IN_FEATURES = frozenset(
     {
-        "matcher",
         "estimator",
         "inlier_threshold",
         "max_false_alarms",

@@ -14,10 +14,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nearfar.errors import StorageError
-from nearfar.runtime import require
+from nearfar.runtime.extras import require
+
+if TYPE_CHECKING:
+    from obstore.store import S3Store
 
 SCHEME = "s3://"
 ATTEMPTS = 10
@@ -328,12 +331,12 @@ def _state(meta: Any) -> FileState:
     return FileState(meta["size"], int(meta["last_modified"].timestamp()) * 10**9)
 
 
-def _store(bucket: str) -> Any:
+def _store(bucket: str) -> "S3Store":
     return _bucket_store(bucket, PATIENCE)
 
 
 @functools.cache
-def _bucket_store(bucket: str, patience: timedelta) -> Any:
+def _bucket_store(bucket: str, patience: timedelta) -> "S3Store":
     """One a process."""
     from obstore.store import S3Store
 

@@ -39,15 +39,11 @@ class GivenImage:
 
 
 class ImagePoses(Protocol):
-    """Cameras and poses that a source has read.
-
-    Attributes:
-        path: the file or folder that was read; it names the world frame in the map.
-    """
+    """Cameras and poses that a source has read."""
 
     @property
     def path(self) -> Path:
-        """The file or folder that was read."""
+        """The file or folder that was read; it names the world frame in the map."""
 
     def posed(self, images: Sequence[GivenImage]) -> dict[str, PosedImage]:
         """Return camera and pose of each image that has one, by the image's name.
