@@ -41,6 +41,8 @@ from nearfar.settings import Settings
         {"proposer": "x"},
         {"descriptor": "x"},
         {"estimator": "x"},
+        {"detector": "x"},
+        {"matcher": "x"},
     ],
 )
 def test_bad_options_are_refused(options: dict[str, Any]) -> None:

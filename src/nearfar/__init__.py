@@ -7,6 +7,7 @@ from nearfar.errors import (
     ExportError,
     ImageError,
     IntrinsicsError,
+    LocalizationError,
     MapError,
     NearfarError,
     SettingsError,
@@ -14,9 +15,9 @@ from nearfar.errors import (
 )
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
-from nearfar.imaging.image import Image, read_image
+from nearfar.imaging.image import Image, ImageInfo, read_image
 from nearfar.landmarks.landmarks import LandmarkMatches
-from nearfar.localization import Localization, PointMatches
+from nearfar.localization import Localization, PointMatches, read_images
 from nearfar.localizer import Localizer, localize
 from nearfar.settings import Settings
 
@@ -35,10 +36,12 @@ __all__ = [
     "GeoPlace",
     "Image",
     "ImageError",
+    "ImageInfo",
     "Intrinsics",
     "IntrinsicsError",
     "LandmarkMatches",
     "Localization",
+    "LocalizationError",
     "Localizer",
     "MapAnswer",
     "MapError",
@@ -54,6 +57,7 @@ __all__ = [
     "localize",
     "open_map",
     "read_image",
+    "read_images",
     "read_intrinsics",
     "save_localization",
 ]

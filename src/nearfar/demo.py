@@ -25,7 +25,7 @@ from nearfar.geometry.errors import transfer_errors
 from nearfar.geometry.homography import scale_change, scaling, transform, translation
 from nearfar.imaging.image import read_image
 from nearfar.localization import Localization
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 METHODS = ("adaptive", "sift", "paper", "objects")
 TOLERANCE = 3.0

@@ -9,6 +9,7 @@ Each message is one sentence: what is wrong with which input, then what to do.
         ├── SettingsError
         ├── WeightsError
         ├── MapError
+        ├── LocalizationError
         ├── ExportError
         ├── StorageError
         ├── ClusterError
@@ -44,6 +45,10 @@ class WeightsError(NearfarError):
 
 class MapError(NearfarError):
     """A map is missing, in use or of another format, or it does not hold an image."""
+
+
+class LocalizationError(NearfarError):
+    """What was kept of a localization is damaged and cannot be read back."""
 
 
 class ExportError(NearfarError):

@@ -1,16 +1,21 @@
 """The result of localizing one image in another."""
 
 import json
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.errors import ImageError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.imaging.image import Image
-from nearfar.landmarks.landmarks import LandmarkMatches
-from nearfar.models import ModelKind
+from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
+from nearfar.landmarks.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.models import MODEL_KINDS, ModelKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +36,15 @@ class PointMatches:
         return len(self.far)
 
 
+NO_POINTS = PointMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool_))
+
+
 @dataclass(frozen=True, eq=False)
 class Localization:
     """Where the near image lies in the far image, or why that was not found.
 
-    All coordinates are pixels of the original images as displayed.
+    All coordinates are pixels of the original images as displayed. The images themselves are not
+    part of it; `read_images` reads them again.
 
     Attributes:
         status: "localized" or "failed".
@@ -59,8 +68,8 @@ class Localization:
         method: name of the method.
         step: what a method with several steps found the answer with; None for the others.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
-        far: the far image.
-        near: the near image.
+        far: path and size of the far image.
+        near: path and size of the near image.
     """
 
     status: Literal["localized", "failed"]
@@ -77,8 +86,8 @@ class Localization:
     method: str
     step: str | None
     descriptor: str | None
-    far: Image
-    near: Image
+    far: ImageInfo
+    near: ImageInfo
 
     @property
     def localized(self) -> bool:
@@ -86,7 +95,7 @@ class Localization:
         return self.status == "localized"
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON object of the command line's `--json`."""
+        """Return the JSON object of the command line's `--json`; matches are only counted in it."""
         return {
             "status": self.status,
             "reason": self.reason,
@@ -107,6 +116,52 @@ class Localization:
             "near": _image_as_dict(self.near),
         }
 
+    @staticmethod
+    def from_dict(
+        content: Mapping[str, Any],
+        points: PointMatches = NO_POINTS,
+        landmarks: LandmarkMatches = NO_LANDMARKS,
+    ) -> "Localization":
+        """Return the localization that `to_dict` has written.
+
+        The sizes of the working images are not written: they are taken to be the original ones.
+
+        Args:
+            content: what `to_dict` returned, also after a way through JSON.
+            points: the matched points, of which `content` holds the numbers only.
+            landmarks: the matched landmarks, of which `content` holds the number only.
+
+        Raises:
+            LocalizationError: a part is missing or malformed.
+        """
+        try:
+            model = _read_model(content["far_from_near"], content["model"])
+            if content["status"] != ("failed" if model is None else "localized"):
+                raise ValueError(f"the status {content['status']!r} contradicts the model")
+            corners = content["footprint"]
+            return Localization(
+                status="failed" if model is None else "localized",
+                reason=_text(content["reason"]),
+                model=content["model"],
+                far_from_near=model,
+                scale_change=_number(content["scale_change"]),
+                confidence=_number(content["confidence"]),
+                log10_false_alarms=_number(content["log10_false_alarms"]),
+                footprint=None if corners is None else _array(corners, (4, 2)),
+                points=points,
+                landmarks=landmarks,
+                seconds={stage: float(value) for stage, value in content["seconds"].items()},
+                method=str(content["method"]),
+                step=_text(content["step"]),
+                descriptor=_text(content["descriptor"]),
+                far=_read_info(content["far"]),
+                near=_read_info(content["near"]),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise LocalizationError(
+                f"this is no localization as `Localization.to_dict` writes it: {error!r}"
+            ) from None
+
     def to_json(self) -> str:
         """`to_dict` as one line of JSON."""
         return json.dumps(self.to_dict(), allow_nan=False)
@@ -122,6 +177,78 @@ class Localization:
         return {self.model: np.asarray(self.far_from_near).tolist()}
 
 
-def _image_as_dict(image: Image) -> dict[str, Any]:
+def read_images(
+    localization: Localization, images: Sequence[ImageSource] | None = None
+) -> ImagePair:
+    """Read the images of a localization again, at the sizes at which it was found.
+
+    Args:
+        localization: what was found.
+        images: the far and the near image, as they were given to `localize`; where None, they are
+            read from their files.
+
+    Raises:
+        ImageError: an image was given as an array, or is missing or of another size now.
+    """
+    infos = localization.far, localization.near
+    sources = (None, None) if images is None else images
+    far, near = (_read_again(*each) for each in zip(infos, sources, strict=True))
+    return ImagePair(far, near)
+
+
+def _read_again(info: ImageInfo, source: ImageSource | None) -> Image:
+    if source is None:
+        source = info.path
+    if source is None:
+        raise ImageError("an image that was localized as an array is needed again: give images=")
+    image = read_image(source, max_size=max(info.working_size), max_pixels=info.width * info.height)
+    if (image.width, image.height) != (info.width, info.height):
+        raise ImageError(
+            f"{info.path or 'the array'} has {image.width}x{image.height} pixels, but "
+            f"{info.width}x{info.height} were localized: localize again"
+        )
+    return image
+
+
+def _image_as_dict(image: ImageInfo) -> dict[str, Any]:
     path = None if image.path is None else str(image.path)
     return {"path": path, "width": image.width, "height": image.height}
+
+
+def _read_info(content: Mapping[str, Any]) -> ImageInfo:
+    path, width, height = _text(content["path"]), content["width"], content["height"]
+    if not all(type(side) is int and side > 0 for side in (width, height)):
+        raise ValueError(f"an image of {width!r} x {height!r} pixels")
+    return ImageInfo(None if path is None else Path(path), width, height, (width, height))
+
+
+def _read_model(content: Mapping[str, Any] | None, kind: Any) -> Matrix3 | RelativePose | None:
+    if kind not in MODEL_KINDS:
+        raise ValueError(f"the model {kind!r}")
+    if content is None:
+        return None
+    if kind == "pose":
+        translation = _array(content["translation"], (3,))
+        return RelativePose(_array(content["rotation"], (3, 3)), translation)
+    return _array(content[kind], (3, 3))
+
+
+def _array(content: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    array = np.asarray(content, np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{shape} finite numbers are needed, not {content!r}")
+    return array
+
+
+def _number(content: Any) -> float | None:
+    if content is None:
+        return None
+    if isinstance(content, bool | str) or not math.isfinite(content):
+        raise ValueError(f"a finite number is needed, not {content!r}")
+    return float(content)
+
+
+def _text(content: Any) -> str | None:
+    if content is not None and not isinstance(content, str):
+        raise ValueError(f"a text is needed, not {content!r}")
+    return content

@@ -11,6 +11,7 @@ from nearfar.arrays import Boxes, Matrix3
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import IntrinsicsError, SettingsError
 from nearfar.estimators import ESTIMATORS
+from nearfar.features import DETECTORS, MATCHERS
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, scale_change, transform
 from nearfar.geometry.intrinsics import (
@@ -64,6 +65,8 @@ class Localizer:
         PROPOSERS.factory(self.settings.proposer)
         for name in self.settings.descriptor.split("+"):
             DESCRIPTORS.factory(name)
+        DETECTORS.factory(self.settings.detector)
+        MATCHERS.factory(self.settings.matcher)
         ESTIMATORS.factory(self.settings.estimator)
         self._same_place = same_place
         self._method = engine or METHODS.create(self.settings.method, self.settings)
@@ -189,8 +192,8 @@ class Localizer:
             method=self.settings.method,
             step=answer.step,
             descriptor=self.descriptor,
-            far=far,
-            near=near,
+            far=far.info,
+            near=near.info,
         )
 
 

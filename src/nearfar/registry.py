@@ -145,6 +145,8 @@ def outside_code(settings: Settings) -> dict[str, str]:
     named = (
         settings.method,
         settings.proposer,
+        settings.detector,
+        settings.matcher,
         settings.estimator,
         *settings.descriptor.split("+"),
     )

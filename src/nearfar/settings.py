@@ -48,8 +48,10 @@ class Settings:
             the network.
         descriptor: Network or function that describes landmarks.
         batch_size: Number of landmarks that pass through a network together.
-        estimator: Methods paper, objects, sift, sift-ratio and external ones: what fits the model
-            to point matches.
+        detector: Method points: what finds and describes the keypoints of an image.
+        matcher: Method points: what matches the keypoints of two images.
+        estimator: Methods points, paper, objects, sift, sift-ratio and external ones: what fits the
+            model to point matches.
         inlier_threshold: Methods that take an estimator: largest error of an inlier, in pixels. The
             error is the reprojection error or the epipolar distance. The estimators lo-ransac,
             prosac and magsac take Sampson's distance, which is smaller.
@@ -78,6 +80,8 @@ class Settings:
     weights: Mapping[str, Path] = field(default_factory=dict)
     descriptor: str = "nearfar"
     batch_size: int = 32
+    detector: str = "rootsift-0.02"
+    matcher: str = "snn-0.9"
     estimator: str = "ransac"
     inlier_threshold: float = 6.0
     proposer: str = "selective-search"

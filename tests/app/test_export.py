@@ -20,10 +20,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from nearfar.app.kept import Kept
-from nearfar.app.writer import ExportTask, ImageTask, written
+from nearfar.app.kept import localization_of_row
+from nearfar.app.writer import ExportTask, written
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform
+from nearfar.imaging.image import ImageInfo
 from tests.app.conftest import Reply, Server, children
 from tests.app.test_api import ended
 from tests.conftest import KnownPair
@@ -323,12 +324,13 @@ def test_a_missing_package_names_its_extra(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    far, near = (ImageTask(file=file, name=file.name, size=(640, 480)) for file in images)
+    far, near = (ImageInfo(file, 640, 480, (640, 480)) for file in images)
+    row = {"status": "failed", "model": "homography", "method": "sift"}
     task = ExportTask(
-        kept=Kept(status="failed", model="homography", method="sift"),
+        localization=localization_of_row(row, far, near).to_dict(),
         matches=None,
-        far=far,
-        near=near,
+        far="far.png",
+        near="near.png",
         images="blank",
         formats=(),
         folder=tmp_path,

@@ -6,13 +6,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tests.conftest import KnownPair
+
 PLUGINS = '''
+import numpy as np
+
+from nearfar.descriptors import DESCRIPTORS
 from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS, Exporter
 from nearfar.methods import METHODS
-from nearfar.methods.points import SiftTuned
+from nearfar.methods.points import Combination
+from nearfar.proposals import PROPOSERS
 
 
 @ESTIMATORS.register("careful")
@@ -41,8 +48,84 @@ class Count(Exporter):
 
 
 @METHODS.register("mine")
-class Mine(SiftTuned):
-    pass
+class Mine(Combination):
+    def __init__(self, name, settings):
+        super().__init__("sift-tuned", settings)
+
+
+@PROPOSERS.register("grid")
+class Grid:
+    """Squares of 80 pixels, every 40 pixels."""
+
+    def __init__(self, name, settings):
+        pass
+
+    def propose(self, pixels):
+        height, width = pixels.shape[:2]
+        x, y = np.meshgrid(np.arange(0, width - 79, 40), np.arange(0, height - 79, 40))
+        return np.array([(*each, 80, 80) for each in zip(x.flat, y.flat)], np.int32)
+
+
+@DESCRIPTORS.register("colours")
+class Colours:
+    """The mean colours of 4x4 parts, against the mean of all."""
+
+    dimensions = 48
+
+    def __init__(self, name, settings):
+        pass
+
+    def describe(self, pixels, boxes):
+        rows = []
+        for x, y, width, height in boxes:
+            part = pixels[y : y + height, x : x + width].astype(np.float32)
+            cells = [cell.mean(axis=(0, 1)) for row in np.array_split(part, 4) for cell in
+                     np.array_split(row, 4, axis=1)]
+            row = np.concatenate(cells) - part.mean()
+            rows.append(row / max(np.linalg.norm(row), 1e-6))
+        return np.array(rows, np.float32).reshape(-1, 48)
+'''
+
+POINTS = '''
+"""A detector and a matcher in one file."""
+
+import cv2
+import numpy as np
+
+from nearfar.features import DETECTORS, MATCHERS
+from nearfar.features.keypoints import Keypoints
+
+
+@DETECTORS.register("kaze")
+class Kaze:
+    def __init__(self, name, settings):
+        self._kaze = cv2.KAZE_create()
+
+    def detect(self, pixels):
+        grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+        keypoints, descriptors = self._kaze.detectAndCompute(grey, None)
+        return Keypoints.of([each.pt for each in keypoints], descriptors)
+
+
+@MATCHERS.register("lowe")
+class Lowe:
+    def __init__(self, name, settings):
+        self._matcher = cv2.BFMatcher()
+
+    def match(self, far, near):
+        found = self._matcher.knnMatch(far.descriptors, near.descriptors, k=2)
+        good = [one for one, other in found if one.distance < 0.7 * other.distance]
+        return np.array([(match.queryIdx, match.trainIdx) for match in good])
+
+
+class Beyond(Lowe):
+    def match(self, far, near):
+        return super().match(far, near) + len(far)
+
+
+class NoKeypoints(Kaze):
+    def detect(self, pixels):
+        return super().detect(pixels).xy
 '''
 
 
@@ -52,6 +135,7 @@ def package(tmp_path: Path) -> Path:
     folder = tmp_path / "site"
     folder.mkdir()
     (folder / "mine_plugins.py").write_text(PLUGINS)
+    (folder / "mine_points.py").write_text(POINTS)
     return folder
 
 
@@ -61,7 +145,9 @@ def installed(package: Path) -> Path:
     about = package / "mine-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[nearfar.plugins]\nmine = mine_plugins\n")
+    (about / "entry_points.txt").write_text(
+        "[nearfar.plugins]\nmine = mine_plugins\npoints = mine_points\n"
+    )
     return package
 
 
@@ -102,6 +188,53 @@ def test_estimator(estimator: str, installed: Path, known_files: tuple[Path, Pat
     assert json.loads(ran.stdout)["inliers"] != json.loads(own.stdout)["inliers"]
 
 
+@pytest.mark.parametrize("prefix", ["", "python:mine_points."])
+def test_detector_and_matcher(
+    prefix: str, installed: Path, known_files: tuple[Path, Path], known_pair: KnownPair
+) -> None:
+    """One file adds both; they are used by name and by place, alone and with nearfar's own."""
+    names = ("Kaze", "Lowe") if prefix else ("kaze", "lowe")
+    detector, matcher = ["--detector", prefix + names[0]], ["--matcher", prefix + names[1]]
+    for options in ([*detector, *matcher], detector, matcher):
+        arguments = [*known_files, "--method", "points", *options, "--json"]
+        ran = nearfar(installed, "localize", *arguments)
+        assert ran.returncode == 0, ran.stderr
+        found = json.loads(ran.stdout)
+        assert known_pair.error(np.array(found["far_from_near"]["homography"])) < 3
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (["--matcher", "python:mine_points.Beyond"], "the matcher Beyond must return an array (K"),
+        (["--detector", "python:mine_points.NoKeypoints"], "the detector NoKeypoints must return"),
+        (["--detector", "kase"], "did you mean 'kaze'?"),
+    ],
+)
+def test_a_wrong_detector_or_matcher_is_one_line(
+    option: list[str], message: str, installed: Path, known_files: tuple[Path, Path]
+) -> None:
+    ran = nearfar(installed, "localize", *known_files, "--method", "points", *option)
+    assert ran.returncode == 2
+    assert message in " ".join(ran.stderr.split())
+    assert "Traceback" not in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("descriptor", "proposer"),
+    [("colours", "grid"), ("python:mine_plugins.Colours", "python:mine_plugins.Grid")],
+)
+def test_descriptor_and_proposer(
+    descriptor: str, proposer: str, installed: Path, known_files: tuple[Path, Path]
+) -> None:
+    options = ["--method", "objects", "--json", "--descriptor", descriptor, "--proposer", proposer]
+    ran = nearfar(installed, "localize", *known_files, *options)
+    assert ran.returncode in (0, 3), ran.stderr
+    found = json.loads(ran.stdout)
+    assert found["descriptor"] == descriptor
+    assert found["landmark_matches"] > 10
+
+
 def test_a_wrong_number_of_flags_is_one_line(
     installed: Path, known_files: tuple[Path, Path]
 ) -> None:
@@ -132,7 +265,8 @@ def test_workers_know_them(installed: Path, known_files: tuple[Path, Path], tmp_
 def test_list_names_them(installed: Path) -> None:
     ran = nearfar(installed, "list")
     assert ran.returncode == 0
-    assert {"mine", "count", "careful"} <= set(ran.stdout.split())
+    names = {"mine", "count", "careful", "grid", "colours", "kaze", "lowe"}
+    assert names <= set(ran.stdout.split())
 
 
 def test_a_broken_one_is_one_line(installed: Path) -> None:

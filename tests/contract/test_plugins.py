@@ -11,6 +11,8 @@ from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import SettingsError, WeightsError
 from nearfar.estimators import ESTIMATORS
+from nearfar.features import DETECTORS, MATCHERS
+from nearfar.geometry.homography import transform
 from nearfar.methods import METHODS
 from nearfar.models import MODEL_KINDS, ModelKind, Task
 from nearfar.proposals import PROPOSERS
@@ -36,6 +38,39 @@ def created(registry: Registry[T], name: str) -> T:
 
 def without_weights(name: str) -> bool:
     return not name.startswith(("resnet50-", "squeezenet-"))
+
+
+@pytest.mark.parametrize("name", DETECTORS.names())
+def test_detector(name: str, known_pair: KnownPair) -> None:
+    detector = created(DETECTORS, name)
+    found = detector.detect(known_pair.near)
+    height, width = known_pair.near.shape[:2]
+    assert len(found) > 100
+    assert found.xy.shape == (len(found), 2)
+    assert ((found.xy >= -0.5) & (found.xy <= [width - 0.5, height - 0.5])).all()
+    assert np.isfinite(found.descriptors).all()
+    assert found.descriptors.any(axis=1).all()
+    assert len(np.unique(found.descriptors, axis=0)) > 0.9 * len(found)
+    for values in (found.scale, found.angle, found.score):
+        assert values.shape == (len(found),)
+        assert np.isfinite(values).all()
+    np.testing.assert_array_equal(detector.detect(known_pair.near).xy, found.xy)
+    for blank in (np.zeros((1, 1, 3), np.uint8), np.zeros((30, 40, 3), np.uint8)):
+        assert detector.detect(blank).descriptors.shape == (0, found.descriptors.shape[1])
+
+
+@pytest.mark.parametrize("name", MATCHERS.names())
+def test_matcher(name: str, known_pair: KnownPair) -> None:
+    matcher, detector = created(MATCHERS, name), DETECTORS.create("rootsift", Settings())
+    far, near = detector.detect(known_pair.far), detector.detect(known_pair.near)
+    i, j = matcher.match(far, near).T
+    error = np.linalg.norm(transform(known_pair.far_from_near, near.xy[j]) - far.xy[i], axis=1)
+    assert (error < 3).sum() >= 30
+    assert (error < 3).mean() > 0.3
+    assert len(np.unique(np.column_stack([i, j]), axis=0)) == len(i)
+    for some, other in ((far[:0], near), (far, near[:0]), (far[:0], near[:0])):
+        assert matcher.match(some, other).shape == (0, 2)
+    assert len(matcher.match(far[:1], near)) <= 1
 
 
 @pytest.mark.parametrize("name", PROPOSERS.names())
@@ -134,7 +169,9 @@ def test_method_localizes_a_known_pair(name: str, known_pair: KnownPair) -> None
     assert estimate.inliers.sum() >= 8
 
 
-@pytest.mark.parametrize("registry", [METHODS, PROPOSERS, DESCRIPTORS, ESTIMATORS])
+@pytest.mark.parametrize(
+    "registry", [METHODS, DETECTORS, MATCHERS, PROPOSERS, DESCRIPTORS, ESTIMATORS]
+)
 def test_unknown_names_are_refused_with_a_hint(registry: object) -> None:
     assert hasattr(registry, "create")
     assert hasattr(registry, "names")

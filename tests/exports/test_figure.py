@@ -1,5 +1,6 @@
 """Figures read by Pillow and by an XML parser."""
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -8,7 +9,7 @@ import pytest
 from PIL import Image as PillowImage
 
 import nearfar
-from nearfar import ExportError, Localization
+from nearfar import ExportError, ImageError, Localization, read_image
 from nearfar.render.draw import AGREEING, MARK
 from tests.exports.conftest import Posed
 
@@ -59,3 +60,15 @@ def test_a_pose_has_no_outline(posed: Posed, tmp_path: Path) -> None:
 def test_a_failure_is_not_drawn(failed: Localization, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="nothing to draw"):
         nearfar.export(failed, "png", tmp_path / "figure.png")
+
+
+def test_images_given_as_arrays_are_given_again(
+    found: Localization, images: tuple[Path, Path], tmp_path: Path
+) -> None:
+    far, near = (read_image(path).pixels for path in images)
+    unnamed = replace(found, far=read_image(far).info, near=read_image(near).info)
+    with pytest.raises(ImageError, match="give images="):
+        nearfar.export(unnamed, "png", tmp_path / "unnamed.png")
+    nearfar.export(unnamed, "png", tmp_path / "unnamed.png", images=(far, near))
+    nearfar.export(found, "png", tmp_path / "named.png")
+    assert (tmp_path / "unnamed.png").read_bytes() == (tmp_path / "named.png").read_bytes()

@@ -100,14 +100,15 @@ def test_geojson_on_the_earth(found: Localization, tmp_path: Path) -> None:
 
     affine = rasterio.Affine(0.5, 0, 500_000, 0, -0.5, 5_000_000)
     path = tmp_path / "map.tif"
-    pixels = found.far.pixels.transpose(2, 0, 1)
+    assert found.far.path is not None
+    pixels = read_image(found.far.path).pixels.transpose(2, 0, 1)
     with rasterio.open(
         path, "w", driver="GTiff", width=480, height=360, count=3, dtype="uint8",
         crs="EPSG:32632", transform=affine,
     ) as dataset:  # fmt: skip
         dataset.write(pixels)
     file = tmp_path / "footprint.geojson"
-    nearfar.export(replace(found, far=read_image(path)), "geojson", file)
+    nearfar.export(replace(found, far=read_image(path).info), "geojson", file)
     corners, properties = ring(file)
     assert properties["coordinates"] == "longitude latitude"
     east, north = between_systems("EPSG:4326", "EPSG:32632", *corners.T.tolist())
@@ -135,7 +136,8 @@ def test_unknown_formats_are_named(found: Localization, tmp_path: Path) -> None:
 def test_images_need_distinct_names_and_upright_pixels(
     name: str, found: Localization, images: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    far = read_image(found.far.pixels)
+    pixels = read_image(images[0]).pixels
+    far = read_image(pixels).info
     with pytest.raises(ExportError, match="given as an array has no name"):
         nearfar.export(replace(found, far=far), name, tmp_path / "x")
     nearfar.export(replace(found, far=far), name, tmp_path / "x", far="a.png", near="b.png")
@@ -144,10 +146,10 @@ def test_images_need_distinct_names_and_upright_pixels(
     with pytest.MonkeyPatch.context() as context:
         context.chdir(images[0].parent)
         near = read_image(Path("..", "near.png"))
-        names = Subject(replace(found, near=near, far=read_image("far.png"))).names
+        names = Subject(replace(found, near=near.info, far=read_image("far.png").info)).names
     assert (names.far, names.near) == ("maps/far.png", "near.png")
     exif = PillowImage.Exif()
     exif[0x0112] = 6
-    PillowImage.fromarray(found.far.pixels).save(images[0], exif=exif)
+    PillowImage.fromarray(pixels).save(images[0], exif=exif)
     with pytest.raises(ExportError, match="save it upright"):
         nearfar.export(found, name, tmp_path / "x")

@@ -13,7 +13,7 @@ def test_keypoints_come_back_as_they_were(photograph: Callable[[str], RGBPixels]
     blob = packed_keypoints(pixels)
     found, restored = detect_rootsift(pixels, CONTRAST, MOST), unpacked_keypoints(blob)
     assert len(restored) == len(found) > 100
-    for name in ("xy", "size", "angle", "vectors"):
+    for name in ("xy", "scale", "angle", "descriptors"):
         np.testing.assert_array_equal(getattr(restored, name), getattr(found, name))
     assert len(blob) == 144 * len(found)
 

@@ -53,7 +53,7 @@ def localized(far: Image, near: Image, homography: Matrix3, **changes: Any) -> L
         method="paper",
         step=None,
         descriptor="hog",
-        far=far,
-        near=near,
+        far=far.info,
+        near=near.info,
     )
     return replace(whole, **changes)

@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from nearfar import Image, Localization, read_image
+from nearfar import Image, read_image
 from nearfar.arrays import Matrix3
+from nearfar.imaging.image import ImagePair
 from nearfar.render.alignment import Overlay, far_on_near, near_on_far
 from tests.conftest import KnownPair
 from tests.render.build import Shift, localized
 
 
-def overlays(found: Localization) -> tuple[Overlay, Overlay]:
-    above, below = near_on_far(found, 500, 500), far_on_near(found, 500, 500)
+def overlays(images: ImagePair, homography: Matrix3) -> tuple[Overlay, Overlay]:
+    found = localized(images.far, images.near, homography)
+    above, below = near_on_far(found, images, 500, 500), far_on_near(found, images, 500, 500)
     assert above is not None
     assert below is not None
     return above, below
@@ -34,31 +36,29 @@ def test_layers_agree_under_the_truth_alone(
     known_pair: KnownPair, far_size: int, near_size: int
 ) -> None:
     far = read_image(known_pair.far, max_size=far_size)
-    near = read_image(known_pair.near, max_size=near_size)
-    right = overlays(localized(far, near, known_pair.far_from_near))
+    images = ImagePair(far, read_image(known_pair.near, max_size=near_size))
+    right = overlays(images, known_pair.far_from_near)
     for pixels in (-4.0, 4.0):
-        wrong = overlays(localized(far, near, moved(known_pair.far_from_near, pixels)))
+        wrong = overlays(images, moved(known_pair.far_from_near, pixels))
         for true, false in zip(right, wrong, strict=True):
             assert agreement(true) > 0.97
             assert agreement(false) < agreement(true) - 0.03
 
 
 def test_the_truth_aligns_better_than_a_third_of_a_pixel(known_pair: KnownPair) -> None:
-    far, near = read_image(known_pair.far), read_image(known_pair.near)
+    images = ImagePair(read_image(known_pair.far), read_image(known_pair.near))
     shifts = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
     for layer in (0, 1):
         agreed = [
-            agreement(overlays(localized(far, near, moved(known_pair.far_from_near, shift)))[layer])
+            agreement(overlays(images, moved(known_pair.far_from_near, shift))[layer])
             for shift in shifts
         ]
         assert shifts[int(np.argmax(agreed))] == 0
 
 
 def test_blend_and_checkerboard_are_made_of_both(known_pair: KnownPair) -> None:
-    found = localized(
-        read_image(known_pair.far), read_image(known_pair.near), known_pair.far_from_near
-    )
-    for overlay in overlays(found):
+    images = ImagePair(read_image(known_pair.far), read_image(known_pair.near))
+    for overlay in overlays(images, known_pair.far_from_near):
         both, neither = overlay.cover == 1, overlay.cover == 0
         mean = (overlay.below.astype(float) + overlay.above) / 2
         assert np.abs(overlay.blend() - mean)[both].max() <= 0.5
@@ -75,8 +75,9 @@ def textured(width: int, height: int) -> Image:
 
 
 def test_the_frame_shows_the_surroundings_of_the_footprint_enlarged() -> None:
-    found = localized(textured(600, 400), textured(200, 100), Shift(0.25, 300, 200).matrix)
-    overlay = near_on_far(found, 800, 800)
+    images = ImagePair(textured(600, 400), textured(200, 100))
+    found = localized(images.far, images.near, Shift(0.25, 300, 200).matrix)
+    overlay = near_on_far(found, images, 800, 800)
     assert overlay is not None
     assert overlay.enlarged == pytest.approx(800 / 70, rel=0.01)
     assert overlay.below.shape[:2] == (400, 800)
@@ -87,8 +88,9 @@ def test_the_frame_shows_the_surroundings_of_the_footprint_enlarged() -> None:
 
 
 def test_a_fine_pattern_is_averaged_when_reduced() -> None:
-    found = localized(textured(100, 100), textured(800, 800), Shift(0.05, 20, 20).matrix)
-    overlay = near_on_far(found, 64, 64)
+    images = ImagePair(textured(100, 100), textured(800, 800))
+    found = localized(images.far, images.near, Shift(0.05, 20, 20).matrix)
+    overlay = near_on_far(found, images, 64, 64)
     assert overlay is not None
     inside = overlay.above[overlay.cover == 1]
     assert np.abs(inside.astype(float) - 127.5).max() < 40

@@ -1,4 +1,4 @@
-"""`Localization.save`: which pictures are written for which answer, and that they stay readable."""
+"""`save_localization`: which pictures are written for which answer, and that they stay readable."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from nearfar import Image, LandmarkMatches, Localization, PointMatches, RelativePose, read_image
+from nearfar import (
+    Image,
+    ImageError,
+    LandmarkMatches,
+    Localization,
+    PointMatches,
+    RelativePose,
+    read_image,
+)
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.render import save_localization
 from nearfar.render.draw import MARK
@@ -22,10 +30,12 @@ NO_BOXES = LandmarkMatches(
 )
 
 
-def saved(localization: Localization, folder: Path) -> dict[str, RGBPixels]:
+def saved(
+    localization: Localization, folder: Path, images: tuple[Image, Image]
+) -> dict[str, RGBPixels]:
     """The pictures by name; each must be a legible size."""
     pictures = {}
-    for path in save_localization(localization, folder):
+    for path in save_localization(localization, folder, images=[each.pixels for each in images]):
         if path.suffix == ".png":
             with PillowImage.open(path) as opened:
                 assert (opened.format, opened.mode) == ("PNG", "RGB")
@@ -45,7 +55,7 @@ def test_a_homography_has_every_picture(
     pair: tuple[Image, Image], known_pair: KnownPair, tmp_path: Path
 ) -> None:
     found = localized(*pair, known_pair.far_from_near)
-    pictures = saved(found, tmp_path)
+    pictures = saved(found, tmp_path, pair)
     assert set(pictures) == MATCHES | WARPED | {"footprint"}
     assert {path.stem for path in tmp_path.glob("*.png")} == set(pictures)
 
@@ -55,8 +65,8 @@ def test_no_picture_of_an_earlier_answer_is_left(
 ) -> None:
     (tmp_path / "notes.png").write_bytes(b"not ours")
     found = localized(*pair, known_pair.far_from_near)
-    save_localization(found, tmp_path)
-    pictures = saved(replace(found, far_from_near=None, footprint=None), tmp_path)
+    saved(found, tmp_path, pair)
+    pictures = saved(replace(found, far_from_near=None, footprint=None), tmp_path, pair)
     assert {path.stem for path in tmp_path.glob("*.png")} == set(pictures) | {"notes"}
 
 
@@ -64,7 +74,7 @@ def test_a_method_without_landmarks_has_no_landmark_picture(
     pair: tuple[Image, Image], known_pair: KnownPair, tmp_path: Path
 ) -> None:
     found = localized(*pair, known_pair.far_from_near, descriptor=None, landmarks=NO_BOXES)
-    assert "landmark_matches" not in saved(found, tmp_path)
+    assert "landmark_matches" not in saved(found, tmp_path, pair)
 
 
 @pytest.mark.parametrize("points", [None, NOTHING])
@@ -83,7 +93,7 @@ def test_a_failure_shows_its_matches(
         points=points or replace(found.points, inliers=none),
         landmarks=NO_BOXES if points is NOTHING else found.landmarks,
     )
-    assert set(saved(failed, tmp_path)) == MATCHES
+    assert set(saved(failed, tmp_path, pair)) == MATCHES
 
 
 def test_a_pose_and_a_fundamental_matrix_have_no_footprint(
@@ -92,9 +102,9 @@ def test_a_pose_and_a_fundamental_matrix_have_no_footprint(
     pose = RelativePose(np.eye(3), np.array([0, 0, 1.0]))
     sideways = np.array([[0, 0, 0], [0, 0, -1], [0, 1.0, 0]])
     found = localized(*pair, np.eye(3), footprint=None)
-    assert set(saved(replace(found, model="pose", far_from_near=pose), tmp_path)) == MATCHES
+    assert set(saved(replace(found, model="pose", far_from_near=pose), tmp_path, pair)) == MATCHES
     epipolar = replace(found, model="fundamental", far_from_near=sideways)
-    assert set(saved(epipolar, tmp_path)) == MATCHES | {"epipolar_lines"}
+    assert set(saved(epipolar, tmp_path, pair)) == MATCHES | {"epipolar_lines"}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +119,7 @@ def test_a_pose_and_a_fundamental_matrix_have_no_footprint(
 def test_wild_homographies_are_not_warped(
     pair: tuple[Image, Image], tmp_path: Path, name: str, homography: Matrix3
 ) -> None:
-    pictures = saved(localized(*pair, homography), tmp_path)
+    pictures = saved(localized(*pair, homography), tmp_path, pair)
     assert set(pictures) - {"footprint"} == MATCHES
     assert ("footprint" in pictures) == (name != "horizon")
 
@@ -128,7 +138,7 @@ def test_wild_homographies_are_not_warped(
 def test_unusual_homographies_are_warped_at_a_bounded_size(
     pair: tuple[Image, Image], tmp_path: Path, homography: Matrix3
 ) -> None:
-    assert saved(localized(*pair, homography), tmp_path).keys() >= WARPED
+    assert saved(localized(*pair, homography), tmp_path, pair).keys() >= WARPED
 
 
 @pytest.mark.parametrize(
@@ -146,16 +156,25 @@ def test_images_of_any_shape(
     tmp_path: Path, far_shape: tuple[int, int], near_shape: tuple[int, int]
 ) -> None:
     far, near = (read_image(np.full(shape, 90, np.uint8)) for shape in (far_shape, near_shape))
-    saved(localized(far, near, np.eye(3), points=NOTHING, landmarks=NO_BOXES), tmp_path / "found")
+    saved(
+        localized(far, near, np.eye(3), points=NOTHING, landmarks=NO_BOXES),
+        tmp_path / "found",
+        (far, near),
+    )
     failed = localized(far, near, np.eye(3), points=NOTHING, footprint=None, far_from_near=None)
-    saved(replace(failed, status="failed", reason="nothing " * 60), tmp_path / "failed")
+    saved(
+        replace(failed, status="failed", reason="nothing " * 60), tmp_path / "failed", (far, near)
+    )
 
 
 def test_a_far_image_longer_than_opencv_can_warp(tmp_path: Path) -> None:
     stripe = np.zeros((40, 40_000), np.uint8)
     stripe[:, ::100] = 255
     far, near = read_image(stripe), read_image(np.full((300, 400), 90, np.uint8))
-    assert saved(localized(far, near, Shift(0.1, 39_000, 5).matrix), tmp_path).keys() >= WARPED
+    assert (
+        saved(localized(far, near, Shift(0.1, 39_000, 5).matrix), tmp_path, (far, near)).keys()
+        >= WARPED
+    )
 
 
 @pytest.mark.parametrize("max_size", [0, 200])
@@ -165,7 +184,8 @@ def test_the_outline_is_drawn_where_the_footprint_is(
     far = read_image(known_pair.far, max_size=max_size)
     near = read_image(known_pair.near, max_size=max_size)
     found = localized(far, near, known_pair.far_from_near)
-    page = saved(found, tmp_path)["footprint"]
+    originals = read_image(known_pair.far), read_image(known_pair.near)
+    page = saved(found, tmp_path, originals)["footprint"]
     assert found.footprint is not None
     rows, columns = np.nonzero((page == MARK).all(axis=2))
     scale = 640 / 480  # the far image is 480 pixels high, its panel 640
@@ -181,9 +201,10 @@ def test_same_answer_same_bytes(
     pair: tuple[Image, Image], known_pair: KnownPair, tmp_path: Path
 ) -> None:
     found = localized(*pair, known_pair.far_from_near)
+    images = [each.pixels for each in pair]
     first, second = (
-        save_localization(found, tmp_path / "1"),
-        save_localization(found, tmp_path / "2"),
+        save_localization(found, tmp_path / "1", images=images),
+        save_localization(found, tmp_path / "2", images=images),
     )
     for one, other in zip(first, second, strict=True):
         assert one.read_bytes() == other.read_bytes()
@@ -194,4 +215,14 @@ def test_a_file_that_cannot_be_written_is_an_os_error(
 ) -> None:
     (tmp_path / "point_matches.png").mkdir()
     with pytest.raises(OSError, match="point_matches"):
-        save_localization(localized(*pair, np.eye(3)), tmp_path)
+        saved(localized(*pair, np.eye(3)), tmp_path, pair)
+
+
+def test_images_given_as_arrays_are_needed_again(pair: tuple[Image, Image], tmp_path: Path) -> None:
+    found = localized(*pair, np.eye(3))
+    with pytest.raises(ImageError, match="give images="):
+        save_localization(found, tmp_path / "out")
+    far, near = (each.pixels for each in pair)
+    with pytest.raises(ImageError, match="localize again"):
+        save_localization(found, tmp_path / "out", images=(far[:-1], near))
+    assert not (tmp_path / "out").exists()

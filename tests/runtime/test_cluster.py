@@ -17,7 +17,7 @@ from nearfar.bench.runner import run
 from nearfar.cli import main
 from nearfar.errors import ClusterError
 from nearfar.runtime import cluster as dask_cluster
-from nearfar.runtime.metrics import Meter
+from nearfar.runtime.timing import Meter
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.rows import RowFile

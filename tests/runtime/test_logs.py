@@ -4,8 +4,8 @@ import logging
 import pytest
 
 from nearfar.runtime import logs
-from nearfar.runtime.metrics import Meter, Work, this_worker
-from nearfar.runtime.progress import shown_progress
+from nearfar.runtime.logs import shown_progress
+from nearfar.runtime.timing import Meter, Work, this_worker
 
 
 @pytest.fixture(autouse=True)

@@ -19,7 +19,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.features.keypoints import Keypoints
 from nearfar.landmarks.landmarks import Landmarks
 from nearfar.localizer import Localizer
-from nearfar.methods.points import Sift
+from nearfar.methods.points import PointMethod
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 from nearfar.storage import feature_store
@@ -251,8 +251,9 @@ def test_every_setting_makes_other_features_unless_it_is_named(tmp_path: Path) -
     assert settings_hash(Extended()) != settings_hash(Extended(new=2))
     assert settings_hash(Settings()) != settings_hash(Settings(method="sift"))
     assert settings_hash(Settings()) != settings_hash(Settings(proposal_sigma=0.8))
+    assert settings_hash(Settings()) != settings_hash(Settings(detector="orb"))
     assert {item.name for item in dataclasses.fields(Settings)} > NOT_IN_FEATURES
-    same = Settings(inlier_threshold=1, max_false_alarms=1, seed=3, batch_size=2)
+    same = Settings(matcher="mnn", inlier_threshold=1, max_false_alarms=1, seed=3, batch_size=2)
     assert settings_hash(Settings()) == settings_hash(same)
     for name, content in (("one", b"a"), ("copy", b"a"), ("two", b"b")):
         (tmp_path / name).write_bytes(content)
@@ -307,13 +308,13 @@ def test_a_localizer_computes_features_once_for_all_runs(
     settings = Settings(method="sift")
     plain = Localizer(settings).localize(known_pair.far, known_pair.near)
     calls: list[object] = []
-    extract = Sift.extract
+    extract = PointMethod.extract
 
-    def counted(method: Sift, pixels: RGBPixels, timer: StageTimer) -> Keypoints:
+    def counted(method: PointMethod, pixels: RGBPixels, timer: StageTimer) -> Keypoints:
         calls.append(pixels)
         return extract(method, pixels, timer)
 
-    monkeypatch.setattr(Sift, "extract", counted)
+    monkeypatch.setattr(PointMethod, "extract", counted)
     for _ in range(2):
         localizer = Localizer(settings, store=FeatureStore(tmp_path))
         found = localizer.localize(known_pair.far, known_pair.near)

@@ -1,18 +1,14 @@
 """nearfar in the place of hloc's `match_dense`. Needs the extra `export`; hloc is not needed."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from nearfar.errors import ExportError
 from nearfar.exports.hloc import NamedLocalization, write_hloc
 from nearfar.exports.subject import Subject
-from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.models import ModelKind
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def match_pairs(
@@ -49,18 +45,9 @@ def match_pairs(
     for near, far in _read_pairs(pairs):
         localization = localizer.localize(image_dir / far, image_dir / near, model=model)
         names = Subject(localization, far=far, near=near).names
-        found.append(NamedLocalization(names, _without_pixels(localization)))
+        found.append(NamedLocalization(names, localization))
     write_hloc(found, features, matches)
     return features, matches
-
-
-def _without_pixels(found: Localization) -> Localization:
-    """The same with images that take no memory, for lists of thousands of pairs."""
-    far, near = (
-        replace(image, pixels=np.broadcast_to(np.uint8(0), image.pixels.shape))
-        for image in (found.far, found.near)
-    )
-    return replace(found, far=far, near=near)
 
 
 def _read_pairs(file: Path) -> list[tuple[str, str]]:

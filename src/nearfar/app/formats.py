@@ -17,9 +17,8 @@ from typing import Literal
 from nearfar.app.errors import BusyError, ConflictError
 from nearfar.app.kept import KeptAnswer
 from nearfar.app.library import Library
-from nearfar.app.renditions import Renditions
 from nearfar.app.results import crash_explanation
-from nearfar.app.writer import ExportTask, ImageTask, Outcome, Reply
+from nearfar.app.writer import ExportTask, Outcome, Reply
 from nearfar.exports.subject import ImageNames
 
 SECONDS = 60.0
@@ -39,13 +38,11 @@ class Formats:
 
     Args:
         library: whose files are named without their places on this machine.
-        renditions: which know the sizes of images.
         max_pixels: of an image.
     """
 
-    def __init__(self, library: Library, renditions: Renditions, max_pixels: int) -> None:
+    def __init__(self, library: Library, max_pixels: int) -> None:
         self._library = library
-        self._renditions = renditions
         self._max_pixels = max_pixels
         self._writer = WriterProcess()
 
@@ -90,16 +87,12 @@ class Formats:
         formats: tuple[str, ...],
         folder: Path,
     ) -> list[Outcome]:
-        far, near = (
-            ImageTask(file=file, name=name, size=self._renditions.size(file))
-            for file, name in ((answer.far, answer.names.far), (answer.near, answer.names.near))
-        )
         reply = self._writer.ask(
             ExportTask(
-                kept=answer.kept,
+                localization=answer.localization.to_dict(),
                 matches=answer.matches,
-                far=far,
-                near=near,
+                far=answer.names.far,
+                near=answer.names.near,
                 images=images,
                 formats=formats,
                 folder=folder,
@@ -115,7 +108,8 @@ class Formats:
 
     def _said(self, text: str, answer: KeptAnswer) -> str:
         """A message that calls files by the names that a person knows."""
-        for file, name in ((answer.far, answer.names.far), (answer.near, answer.names.near)):
+        found, names = answer.localization, answer.names
+        for file, name in ((found.far.path, names.far), (found.near.path, names.near)):
             text = text.replace(str(file), name)
         return self._library.without_places(text)
 

@@ -10,7 +10,7 @@ from PIL import Image as PillowImage
 
 from nearfar.app.configuration import Limits
 from nearfar.arrays import Matrix3
-from nearfar.imaging.image import Image, read_image, reduced_size
+from nearfar.imaging.image import Image, ImageInfo, read_image, reduced_size
 from nearfar.imaging.raster import open_raster, tiff_header
 from nearfar.imaging.tiles import Tile
 from nearfar.render.view import rendered
@@ -50,8 +50,17 @@ class Renditions:
         Raises:
             ImageError: it cannot be read, or has too many pixels.
         """
+        info = self.info(file)
+        return info.width, info.height
+
+    def info(self, file: Path) -> ImageInfo:
+        """Path and size of an image; it is taken to be localized at its original size.
+
+        Raises:
+            ImageError: it cannot be read, or has too many pixels.
+        """
         image = self._thread.submit(self._image, file).result()
-        return image.width, image.height
+        return ImageInfo(file, image.width, image.height, (image.width, image.height))
 
     def jpeg(self, file: Path, longest: int) -> bytes:
         """The image reduced so that neither side exceeds `longest`.

@@ -9,8 +9,9 @@ from typing import Any
 from nearfar.app.configuration import MEGABYTE
 from nearfar.app.errors import ConflictError, NotFoundError, TooLargeError
 from nearfar.app.formats import image_names
-from nearfar.app.kept import Kept, KeptAnswer
+from nearfar.app.kept import KeptAnswer, localization_of_row
 from nearfar.app.library import Library
+from nearfar.app.renditions import Renditions
 from nearfar.bench.results import Result, load_benchmarks, load_record
 
 LARGEST = 200 * MEGABYTE
@@ -103,12 +104,15 @@ def read_run(folder: Path, library: Library) -> Run:
     return Run(folder.name, record.commands, record.version, rows, complete, skipped)
 
 
-def kept_row(folder: Path, library: Library, index: int, case: str, method: str) -> KeptAnswer:
+def kept_row(
+    folder: Path, library: Library, renditions: Renditions, index: int, case: str, method: str
+) -> KeptAnswer:
     """The answer in a row of `read_run`.
 
     Args:
         folder: of results.
         library: in which its images are.
+        renditions: which know the sizes of images.
         index: of the row.
         case: that the row has.
         method: that the row has.
@@ -117,7 +121,7 @@ def kept_row(folder: Path, library: Library, index: int, case: str, method: str)
         BenchmarkError: there are no results.
         NotFoundError: there is no such row any more.
         ConflictError: the images of the row are not in a served folder.
-        ExportError: the row is damaged.
+        LocalizationError: the row is damaged.
     """
     for _, result in _results(folder)[0][index : index + 1]:
         if (result.case, result.method) != (case, method):
@@ -128,8 +132,8 @@ def kept_row(folder: Path, library: Library, index: int, case: str, method: str)
                 "the images are elsewhere: start nearfar app with their folder as well"
             )
         names = image_names(library, far, near)
-        files = library.file(far), library.file(near)
-        return KeptAnswer(Kept.of(result.row), None, *files, names)
+        infos = renditions.info(library.file(far)), renditions.info(library.file(near))
+        return KeptAnswer(localization_of_row(result.row, *infos), None, names)
     raise NotFoundError("there is no such row any more: open the results again")
 
 

@@ -47,7 +47,7 @@ class Services:
             jobs,
             Runner(jobs, tasks.of, library.without_places, limits),
             AnnotationStore(data / "annotations", limits.annotations),
-            Formats(library, renditions, limits.pixels),
+            Formats(library, limits.pixels),
         )
 
 

@@ -7,55 +7,40 @@ threads share: so it is not the server's. It ends when its standard input is clo
 import os
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from nearfar.app.kept import Kept, read_matches
+from nearfar.app.kept import read_matches
 from nearfar.app.tasks import Message
 from nearfar.errors import ExportError, NearfarError
 from nearfar.exports import EXPORTERS, Subject, registered_exporter
-from nearfar.imaging.image import Image, read_image
-from nearfar.localization import PointMatches
+from nearfar.imaging.image import Image, ImageInfo, ImagePair, read_image
+from nearfar.localization import NO_POINTS, Localization
 from nearfar.settings import Settings
 
 WITHOUT_MATCHES = frozenset({"geojson", "kitti", "tum"})
 """Formats in which matched points have no place."""
-_NONE = PointMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool_))
-
-
-class ImageTask(Message):
-    """An image of an export.
-
-    Attributes:
-        file: where it is.
-        name: what it is called in files that name it.
-        size: width and height as displayed, in pixels.
-    """
-
-    file: Path
-    name: str
-    size: tuple[int, int]
 
 
 class ExportTask(Message):
     """Write an answer in some formats.
 
     Attributes:
-        kept: the answer.
+        localization: the answer, as `Localization.to_dict` writes it.
         matches: file of its matched points; None where they were not kept.
-        far: the far image.
-        near: the near image.
+        far: what the far image is called in files that name it.
+        near: what the near image is called in files that name it.
         images: "blank" where only the outcomes are wanted: then pictures are not read.
         formats: names of the formats; empty for all.
         folder: to write into.
         max_pixels: of an image.
     """
 
-    kept: Kept
+    localization: dict[str, Any]
     matches: Path | None
-    far: ImageTask
-    near: ImageTask
+    far: str
+    near: str
     images: Literal["blank", "read"]
     formats: tuple[str, ...]
     folder: Path
@@ -96,18 +81,17 @@ def written(task: ExportTask) -> list[Outcome]:
     Raises:
         NearfarError: an image, or what was kept, cannot be read.
     """
-    points = _NONE if task.matches is None else read_matches(task.matches)
-    far, near = _image(task.far, task), _image(task.near, task)
-    subject = Subject(
-        task.kept.localization(points, far, near), None, task.far.name, task.near.name
-    )
+    points = NO_POINTS if task.matches is None else read_matches(task.matches)
+    found = Localization.from_dict(task.localization, points)
+    images = ImagePair(_image(found.far, task), _image(found.near, task))
+    subject = Subject(found, None, task.far, task.near, images)
     return [_written(name, subject, task) for name in task.formats or EXPORTERS.names()]
 
 
-def _image(image: ImageTask, task: ExportTask) -> Image:
-    if task.images == "blank":
-        return Image(np.zeros((1, 1, 3), np.uint8), *image.size, image.file)
-    return read_image(image.file, max_size=Settings().max_size, max_pixels=task.max_pixels)
+def _image(image: ImageInfo, task: ExportTask) -> Image:
+    if task.images == "blank" or image.path is None:
+        return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
+    return read_image(image.path, max_size=Settings().max_size, max_pixels=task.max_pixels)
 
 
 def _written(name: str, subject: Subject, task: ExportTask) -> Outcome:

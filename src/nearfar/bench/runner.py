@@ -14,8 +14,8 @@ from nearfar.bench.results import Result
 from nearfar.errors import NearfarError
 from nearfar.localizer import Localizer
 from nearfar.runtime import logs
-from nearfar.runtime.metrics import Meter
-from nearfar.runtime.progress import shown_progress
+from nearfar.runtime.logs import shown_progress
+from nearfar.runtime.timing import Meter
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore

@@ -16,6 +16,7 @@ from nearfar import __version__
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
+from nearfar.features import DETECTORS, MATCHERS
 from nearfar.maps.sources import MAP_SOURCES
 from nearfar.methods import METHODS
 from nearfar.proposals import PROPOSERS
@@ -67,6 +68,8 @@ MODELS = (
 
 REGISTRIES: tuple[Registry[Any], ...] = (
     METHODS,
+    DETECTORS,
+    MATCHERS,
     PROPOSERS,
     DESCRIPTORS,
     ESTIMATORS,
@@ -152,7 +155,7 @@ def _table_of_models() -> Table:
 
 
 def list_command() -> None:
-    """Name the plug-ins of all kinds: methods, proposers, descriptors, estimators, and so on.
+    """Name the plug-ins of all kinds: methods, detectors, matchers, export formats and others.
 
     Plug-ins of other installed packages are listed as well.
     """

@@ -12,7 +12,7 @@ from rich.console import Console
 from nearfar.app import PACKAGES
 from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.storage.locations import is_text
 
 

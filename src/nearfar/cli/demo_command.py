@@ -12,7 +12,7 @@ from rich.table import Table
 from nearfar.arrays import RGBPixels
 from nearfar.cli.options import FAILED
 from nearfar.demo import METHODS, TOLERANCE, Scene, make_scene, true_error, true_scale_change
-from nearfar.localization import Localization
+from nearfar.localization import Localization, read_images
 from nearfar.localizer import Localizer
 from nearfar.render import save, save_localization, save_small
 from nearfar.render.footprint import footprint_page
@@ -83,7 +83,7 @@ def _overview(scene: Scene, best: Trial) -> RGBPixels | None:
     found = f"{'Found' if best.right else 'Missed'}, {true_scale_change(scene):.1f} times smaller"
     source = "Real photographs; the far image was composed of them, so that the truth is known"
     caption = Caption(f"{found}, {best.error:.2f} pixels from the truth", (Entry(source),))
-    return footprint_page(best.found, caption=caption, aligned=True)
+    return footprint_page(best.found, read_images(best.found), caption=caption, aligned=True)
 
 
 def _report(console: Console, scene: Scene, trials: list[Trial]) -> None:

@@ -4,13 +4,13 @@ import itertools
 import json
 import sys
 import uuid
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from nearfar.cli.map_queries import Query, died, locate_query
 from nearfar.cli.options import (
     BAD_INPUT,
     DEFAULT_WORK,
@@ -26,18 +26,11 @@ from nearfar.cli.options import (
 from nearfar.errors import SettingsError
 from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
-from nearfar.maps.sources import ImagePoses
-from nearfar.runtime import logs
-from nearfar.runtime.extras import require
-from nearfar.runtime.metrics import Meter
-from nearfar.runtime.progress import shown_progress
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from nearfar.maps.build import Added
-    from nearfar.maps.map import Map
-    from nearfar.storage.locations import Location
+from nearfar.runtime import logs, require
+from nearfar.runtime.logs import shown_progress
+from nearfar.runtime.timing import Meter
+from nearfar.settings import Settings
+from nearfar.storage.locations import Location
 
 map_app = App(name="map", help="Keep a map of many images, and locate others in it.")
 
@@ -70,10 +63,7 @@ def build_command(
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    sources = world.read()
-    opened = open_map(out, create=True, max_size=max_size, settings=settings)
-    _add(opened, images, work)
-    _attach(sources, opened, images)
+    _add(out, images, settings, work, world, create=True, max_size=max_size)
 
 
 @map_app.command(name="add")
@@ -96,10 +86,7 @@ def add_command(
         weights: Model of the descriptor, nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    sources = world.read()
-    opened = open_map(folder, settings=settings)
-    _add(opened, images, work)
-    _attach(sources, opened, images)
+    _add(folder, images, settings, work, world)
 
 
 @map_app.command(name="remove")
@@ -121,8 +108,8 @@ def info_command(folder: MapFolder, /, *, as_json: AsJson = False) -> None:
         folder: Folder of the map.
         as_json: Print one JSON object instead of text.
     """
-    opened = open_map(folder)
-    images, made, posed = opened.images, asdict(opened.manifest), opened.posed
+    map_ = open_map(folder)
+    images, made, posed = map_.images, asdict(map_.manifest), map_.posed
     if as_json:
         rows = [{**asdict(each), "pose": each.id in posed} for each in images]
         _say(json.dumps({"map": str(folder), **made, "images": rows}))
@@ -147,12 +134,12 @@ def check_command(folder: MapFolder, /, *, content: Flag = False) -> int:
         folder: Folder of the map.
         content: Read also the files whose size and time are those that were recorded.
     """
-    opened = open_map(folder)
-    problems = opened.check(content=content)
+    map_ = open_map(folder)
+    problems = map_.check(content=content)
     for problem in problems:
         _say(f"{problem.image or folder}: {problem.what}")
     if not problems:
-        _say(f"{len(opened.images)} images, no problem")
+        _say(f"{len(map_.images)} images, no problem")
     return FAILED if problems else 0
 
 
@@ -164,7 +151,7 @@ def upgrade_command(folder: MapFolder, /) -> None:
         folder: Folder of the map.
     """
     require("map", *PACKAGES)
-    from nearfar.maps.upgrade import upgrade
+    from nearfar.maps.creation import upgrade
 
     before, after = upgrade(folder)
     _say(f"format {before} -> {after}" if before != after else f"format {after} already")
@@ -181,7 +168,7 @@ def unlock_command(folder: MapFolder, /) -> None:
         folder: URL of the map.
     """
     require("map", *PACKAGES)
-    from nearfar.maps.lock import unlock
+    from nearfar.maps.database import unlock
 
     owner = unlock(folder)
     _say("there was no lock" if owner is None else f"removed the lock of {owner}")
@@ -247,6 +234,8 @@ def locate_command(
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=settings)
+    from nearfar.cli.map_queries import Query, died, locate_query
+
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
     tasks = [
@@ -273,7 +262,7 @@ def locate_command(
     return BAD_INPUT if BAD_INPUT in statuses else max(statuses)
 
 
-def _names(queries: "Sequence[Location]") -> list[str]:
+def _names(queries: Sequence[Location]) -> list[str]:
     """A name for the files of each query; further queries of the same name are numbered."""
     names: dict[str, None] = {}
     for query in queries:
@@ -284,20 +273,22 @@ def _names(queries: "Sequence[Location]") -> list[str]:
     return list(names)
 
 
-def _attach(sources: list[ImagePoses], opened: "Map", images: "Sequence[Location]") -> None:
-    for source in sources:
-        _say(f"{opened.attach(source, images)} images have a pose")
-
-
-def _add(opened: "Map", images: "Sequence[Location]", work: WorkOptions) -> None:
+def _add(
+    folder: Location,
+    images: Sequence[Location],
+    settings: Settings,
+    work: WorkOptions,
+    world: WorldOptions,
+    *,
+    create: bool = False,
+    max_size: int | None = None,
+) -> None:
+    """Add images to a map and attach their poses; say what was done."""
+    sources = world.read()
+    map_ = open_map(folder, create=create, max_size=max_size, settings=settings)
     workers = work.begin()
     with shown_progress("images") as show:
-        added = opened.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
-    _report(added)
-    logs.event("images added", map=str(opened.folder), **added.metrics.to_dict())
-
-
-def _report(added: "Added") -> None:
+        added = map_.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
     for name, reason in added.failed:
         _say(f"left out: {name}: {reason}")
     counts = f"{added.added} added, {added.replaced} replaced, {added.unchanged} unchanged"
@@ -308,6 +299,9 @@ def _report(added: "Added") -> None:
             f"{took.wall_seconds:.1f} s, {took.cpu_seconds:.1f} CPU s, {took.workers} "
             f"workers, {took.retried} retried"
         )
+    logs.event("images added", map=str(map_.folder), **took.to_dict())
+    for source in sources:
+        _say(f"{map_.attach(source, images)} images have a pose")
 
 
 def _say(line: str) -> None:

@@ -4,21 +4,17 @@ What comes back is text and numbers: pixels stay where the query was located.
 """
 
 import functools
-import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
-from nearfar.maps.world.geojson import feature_collection
+from nearfar.maps.map import Map
 from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, local_copy, staged
-
-if TYPE_CHECKING:
-    from nearfar.maps.map import Map
 
 LONGEST_CRS = 20
 """Characters; the name of a system that has no code is pages of WKT."""
@@ -93,9 +89,8 @@ def locate_query(query: Query) -> Located:
     if query.save is not None:
         with staged(query.save) as folder:
             found.save(folder, query.name)
-    features = json.loads(feature_collection([found]))["features"]
     text = _text(found, posing=query.camera is not None)
-    return Located(None, found.located, found.to_json(), text, tuple(features))
+    return Located(None, found.located, found.to_json(), text, tuple(found.features()))
 
 
 def died(query: Query) -> Located:
@@ -104,7 +99,7 @@ def died(query: Query) -> Located:
 
 
 @functools.lru_cache(maxsize=1)
-def _opened(folder: Location, settings: Settings, _: str) -> "Map":
+def _opened(folder: Location, settings: Settings, _: str) -> Map:
     """One a process and run."""
     return open_map(folder, settings=settings)
 

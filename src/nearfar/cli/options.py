@@ -11,8 +11,7 @@ from cyclopts import Parameter, Token
 from nearfar.errors import SettingsError
 from nearfar.maps import PACKAGES
 from nearfar.maps.sources import ImagePoses, read_source
-from nearfar.runtime import logs
-from nearfar.runtime.extras import require
+from nearfar.runtime import logs, require
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Url, location

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:

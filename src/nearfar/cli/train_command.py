@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from nearfar.cli.options import Flag
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.storage.rows import Row
 
 train_app = App(name="train", help="Train the landmark descriptor.")

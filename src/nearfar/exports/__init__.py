@@ -2,12 +2,14 @@
 
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from pathlib import Path
 
 from nearfar.errors import SettingsError
 from nearfar.exports.subject import Subject
 from nearfar.geometry.intrinsics import IntrinsicsSource, read_intrinsics
-from nearfar.localization import Localization
+from nearfar.imaging.image import ImageSource
+from nearfar.localization import Localization, read_images
 from nearfar.registry import EXTERNAL, Registry
 from nearfar.settings import Settings
 
@@ -85,6 +87,7 @@ def export(
     far: str | None = None,
     near: str | None = None,
     intrinsics: IntrinsicsSource | None = None,
+    images: Sequence[ImageSource] | None = None,
 ) -> list[Path]:
     """Write a localization in the format of another tool.
 
@@ -98,13 +101,16 @@ def export(
         near: the same of the near image.
         intrinsics: of both cameras, as they were given to `localize`; "colmap" needs them for a
             pose, "opencv-yaml" notes them.
+        images: the far and the near image as they were given to `localize`, for formats that draw
+            them ("png", "svg"); they are read from their files where None.
 
     Returns:
         The files written.
 
     Raises:
         ExportError: the format has no place for such a localization, e.g. poses without a pose.
-        ImageError: the far image's file does not allow it, e.g. a GeoTIFF that is stored turned.
+        ImageError: an image does not allow it, e.g. a GeoTIFF that is stored turned, or is needed
+            again and was an array.
         SettingsError: there is no such format.
         MissingExtraError: a package that the format needs is not installed.
         IntrinsicsError: the intrinsics are not valid.
@@ -114,4 +120,5 @@ def export(
     target = Path(path)
     writer = exporter(format)
     target.parent.mkdir(parents=True, exist_ok=True)
-    return writer.write(Subject(localization, known, far, near), target)
+    pair = None if images is None else read_images(localization, images)
+    return writer.write(Subject(localization, known, far, near, pair), target)

@@ -17,8 +17,8 @@ from nearfar.exports.subject import ImageNames, indexed
 from nearfar.geometry.epipolar import RelativePose, essential_from_pose
 from nearfar.geometry.homography import translation
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
-from nearfar.imaging.image import Image
-from nearfar.runtime.extras import require
+from nearfar.imaging.image import ImageInfo
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 
@@ -88,7 +88,7 @@ def _check_own(path: Path, names: ImageNames) -> None:
         raise ExportError(f"{path} is a COLMAP database of other images: give another path")
 
 
-def _write_image(database: Any, name: str, image: Image, known: CameraIntrinsics | None) -> int:
+def _write_image(database: Any, name: str, image: ImageInfo, known: CameraIntrinsics | None) -> int:
     import pycolmap
 
     camera_id = database.write_camera(_camera(image, known))
@@ -96,7 +96,7 @@ def _write_image(database: Any, name: str, image: Image, known: CameraIntrinsics
     return written
 
 
-def _camera(image: Image, known: CameraIntrinsics | None) -> Any:
+def _camera(image: ImageInfo, known: CameraIntrinsics | None) -> Any:
     import pycolmap
 
     if known is None:

@@ -8,10 +8,10 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.imaging.image import Image
+from nearfar.imaging.image import Image, ImagePair
 from nearfar.localization import Localization
 from nearfar.render.draw import AGREEING, MARK, Colour, spread
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 
@@ -51,7 +51,7 @@ class FigureExporter(Exporter):
         style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "nearfar", "font.size": 8}
         metadata = {"Date": None} if self.name == "svg" else {}
         with rc_context(style), replaced(path) as out:
-            figure = _figure(found)
+            figure = _figure(found, subject.pictures)
             figure.savefig(out, format=self.name, dpi=DOTS_PER_INCH, metadata=metadata)
         return [path]
 
@@ -82,12 +82,12 @@ class _Panel:
         return np.asarray((xy + 0.5) / self._image.height + [self._left, 0])
 
 
-def _figure(found: Localization) -> Any:
+def _figure(found: Localization, images: ImagePair) -> Any:
     from matplotlib.figure import Figure
 
-    far = _Panel(found.far, 0)
-    both = far.width + found.near.width / found.near.height
-    near = _Panel(found.near, far.width + GAP * both)
+    far = _Panel(images.far, 0)
+    both = far.width + images.near.width / images.near.height
+    near = _Panel(images.near, far.width + GAP * both)
     total = (1 + GAP) * both
     label_height = 0.2
     image_height = WIDTH / total

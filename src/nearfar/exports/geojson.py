@@ -8,12 +8,10 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.imaging.image import Image
+from nearfar.imaging.image import ImageInfo
 from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
-from nearfar.maps.world.geojson import ring
-from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.places import WorldCoordinates
+from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
 from nearfar.storage.locations import replaced
 
 
@@ -58,7 +56,7 @@ class GeoJsonExporter(Exporter):
         return [path]
 
 
-def _name(given: str | None, image: Image) -> str | None:
+def _name(given: str | None, image: ImageInfo) -> str | None:
     return given if given is not None or image.path is None else str(image.path)
 
 

@@ -12,7 +12,7 @@ from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.exports.subject import ImageNames, IndexedMatches, Keypoints, distinct, indexed_in
 from nearfar.localization import Localization
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 

@@ -12,8 +12,8 @@ from nearfar.arrays import IndexPairs, Mask
 from nearfar.errors import ExportError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.image import FORMATS, quiet_pillow
-from nearfar.localization import Localization, PointMatches
+from nearfar.imaging.image import FORMATS, ImagePair, quiet_pillow
+from nearfar.localization import Localization, PointMatches, read_images
 
 Keypoints = NDArray[np.float32]
 """(N, 2), x and y in pixels, each point once; (0, 0) is the centre of the top left pixel."""
@@ -108,13 +108,24 @@ class Subject:
         localization: what was found.
         intrinsics: of both cameras, in pixels of the original images; None where not known.
         far: name of the far image; None to take it from its path.
-        near: the same of the near image.
+        near: name of the near image; None to take it from its path.
+        images: both images, for formats that draw them; None to read them from their paths.
     """
 
     localization: Localization
     intrinsics: Intrinsics | None = None
     far: str | None = None
     near: str | None = None
+    images: ImagePair | None = None
+
+    @property
+    def pictures(self) -> ImagePair:
+        """Both images with their pixels.
+
+        Raises:
+            ImageError: an image has no path, or is not there any more.
+        """
+        return self.images or read_images(self.localization)
 
     @property
     def names(self) -> ImageNames:

@@ -29,6 +29,29 @@ ImageSource = str | os.PathLike[str] | NDArray[Any]
 """A path, or an array (height, width), (height, width, 3) RGB or (height, width, 4) RGBA."""
 
 
+@dataclass(frozen=True)
+class ImageInfo:
+    """What an answer tells of an image: everything but its pixels.
+
+    Attributes:
+        path: file that the image was read from; None for an array.
+        width: width of the original as displayed (after its EXIF rotation), in pixels.
+        height: height of the original as displayed, in pixels.
+        working_size: width and height of the working image, in pixels.
+    """
+
+    path: Path | None
+    width: int
+    height: int
+    working_size: tuple[int, int]
+
+    @property
+    def original_from_working(self) -> Matrix3:
+        """Maps pixels of the working image to pixels of the original (centres at integers)."""
+        width, height = self.working_size
+        return scaling(self.width / width, self.height / height)
+
+
 @dataclass(frozen=True, eq=False)
 class Image:
     """An image at its working size.
@@ -46,10 +69,15 @@ class Image:
     path: Path | None
 
     @property
+    def info(self) -> ImageInfo:
+        """Everything but the pixels."""
+        height, width = self.pixels.shape[:2]
+        return ImageInfo(self.path, self.width, self.height, (width, height))
+
+    @property
     def original_from_working(self) -> Matrix3:
         """Maps pixels of the working image to pixels of the original (centres at integers)."""
-        height, width = self.pixels.shape[:2]
-        return scaling(self.width / width, self.height / height)
+        return self.info.original_from_working
 
     @property
     def content_hash(self) -> str:
@@ -57,6 +85,14 @@ class Image:
         digest = hashlib.sha256(repr((self.pixels.shape, self.width, self.height)).encode())
         digest.update(self.pixels.tobytes())
         return digest.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePair:
+    """The two images of a localization, at their working sizes."""
+
+    far: Image
+    near: Image
 
 
 def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:

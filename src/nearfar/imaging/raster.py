@@ -18,7 +18,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError
 from nearfar.imaging.image import TRANSPARENT_GREY, reduced_size
 from nearfar.imaging.tiles import Tile
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 CACHE_MEGABYTES = 64
 """Memory in which GDAL keeps blocks of files."""

@@ -9,8 +9,9 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
+from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches
-from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.maps.world.places import DECIMALS, GeoPlace, QueryPose, ring
 from nearfar.render import save
 from nearfar.render.footprint import footprint_page
 from nearfar.render.matches import point_matches
@@ -35,6 +36,7 @@ class MapAnswer:
         points: matched points, in pixels of the original map image (far) and of the query.
         world: where the query lies on the Earth; None unless the map image is a GeoTIFF.
         localization: the query localized in a tile of the map image, in pixels of that tile.
+        images: that tile (far) and the query (near).
     """
 
     image: str
@@ -46,6 +48,7 @@ class MapAnswer:
     points: PointMatches
     world: GeoPlace | None
     localization: Localization
+    images: ImagePair
 
     def to_dict(self) -> dict[str, Any]:
         """The answer for JSON."""
@@ -65,8 +68,8 @@ class MapAnswer:
         Matched points where there is no outline.
         """
         part = self.localization
-        page = footprint_page(part, caption=self._caption())
-        return point_matches(part) if page is None else page
+        page = footprint_page(part, self.images, caption=self._caption())
+        return point_matches(part, self.images) if page is None else page
 
     def _caption(self) -> Caption:
         times, size = self.scale_change, "smaller"
@@ -183,6 +186,30 @@ class MapLocalization:
     def to_json(self) -> str:
         """`to_dict` as one line of JSON."""
         return json.dumps(self.to_dict(), allow_nan=False)
+
+    def features(self) -> list[dict[str, Any]]:
+        """Return a GeoJSON feature (RFC 7946) for each answer that lies in a GeoTIFF.
+
+        A feature is the footprint of the query in longitude and latitude; its properties are
+        `query`, `image`, `rank` (1 is the best answer for the query), `confidence`, `scale_change`
+        and `centre`, longitude and latitude.
+        """
+        found = []
+        for rank, answer in enumerate(self.answers, 1):
+            seen = None if answer.world is None else answer.world.longitude_latitude
+            if seen is None:
+                continue
+            properties = {
+                "query": None if self.query is None else str(self.query),
+                "image": answer.image,
+                "rank": rank,
+                "confidence": answer.confidence,
+                "scale_change": answer.scale_change,
+                "centre": seen.centre.round(DECIMALS).tolist(),
+            }
+            polygon = {"type": "Polygon", "coordinates": [ring(seen.footprint)]}
+            found.append({"type": "Feature", "geometry": polygon, "properties": properties})
+        return found
 
     def save(self, directory: str | Path, name: str = "location") -> list[Path]:
         """Write `NAME.json` and, where there is an answer, a picture of the best, `NAME.png`.

@@ -15,8 +15,8 @@ from nearfar.maps.images import levels, open_image
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import OK, Indexed, MapImage, packed_keypoints
-from nearfar.runtime.metrics import Meter, RunMetrics
-from nearfar.runtime.progress import Progress
+from nearfar.runtime.logs import Progress
+from nearfar.runtime.timing import Meter, RunMetrics
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, is_text

@@ -1,16 +1,32 @@
-"""LanceDB at the place of a map."""
+"""The LanceDB database at the place of a map, and the lock of its only writer.
+
+On a disk the operating system holds the lock, and ends it with the process. In object storage the
+lock is a file that can be made only where it does not exist, and says who made it; of a process
+that was killed it stays until `unlock`.
+"""
 
 import functools
+import json
+import logging
+import os
+import platform
 import re
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import lancedb
+from filelock import FileLock, Timeout
 
-from nearfar.errors import MapError
-from nearfar.storage.locations import Location, lance_options, storage_errors
+from nearfar.errors import MapError, StorageError
+from nearfar.storage.locations import Location, Url, lance_options, storage_errors
 
+LOCK = "writer.lock"
+
+_log = logging.getLogger(__name__)
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
@@ -71,3 +87,122 @@ def own_errors(
             return method(self, *given, **named)
 
     return safe
+
+
+@contextmanager
+def writer_lock(folder: Location) -> Iterator[None]:
+    """Be the only writer of a map.
+
+    Raises:
+        MapError: another process is writing.
+        StorageError: the server does not answer, or cannot keep two processes apart.
+    """
+    with _on_disk(folder) if isinstance(folder, Path) else _in_storage(folder):
+        yield
+
+
+def unlock(folder: Location) -> str | None:
+    """Remove the lock of a process that was killed while it wrote to object storage.
+
+    Returns:
+        Whose it was; None where there was none.
+
+    Raises:
+        MapError: the map is on a disk, where a lock ends with its process.
+    """
+    if isinstance(folder, Path):
+        raise MapError(f"{folder} is on a disk, where a lock ends with its process")
+    lock = folder / LOCK
+    content = _content(lock)
+    if content is None:
+        return None
+    lock.unlink()
+    return _owner(content)
+
+
+@contextmanager
+def _on_disk(folder: Path) -> Iterator[None]:
+    lock = FileLock(folder / LOCK)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise MapError(
+            f"another process is writing to the map {folder}: wait until it is done"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+@contextmanager
+def _in_storage(folder: Url) -> Iterator[None]:
+    lock = folder / LOCK
+    own = json.dumps(
+        {
+            "host": platform.node(),
+            "process": os.getpid(),
+            "since": datetime.now(UTC).isoformat(timespec="seconds"),
+            "token": uuid.uuid4().hex,
+        }
+    ).encode()
+    try:
+        lock.create(own)
+    except FileExistsError:
+        if _content(lock) != own:  # Else a request was repeated whose answer was lost.
+            raise MapError(_refusal(folder, lock)) from None
+    try:
+        _check_exclusive(lock, own)
+        yield
+    except StorageError:  # It would not answer for the lock either.
+        _log.warning(
+            "the lock of %s may be left: `nearfar map unlock %s` removes it", folder, folder
+        )
+        raise
+    except BaseException:
+        _release(lock, own)
+        raise
+    else:
+        _release(lock, own)
+
+
+def _check_exclusive(lock: Url, own: bytes) -> None:
+    """Some servers ignore the condition, without which neither lock nor map is safe."""
+    try:
+        lock.create(own)
+    except FileExistsError:
+        return
+    raise StorageError(
+        f"the server of {lock.parent} ignores conditional writes (If-None-Match), which a map needs"
+    )
+
+
+def _release(lock: Url, own: bytes) -> None:
+    """Remove the lock unless it is another's by now."""
+    if _content(lock) == own:
+        lock.unlink()
+
+
+def _refusal(folder: Url, lock: Url) -> str:
+    content = _content(lock)
+    owner = "one that is just done" if content is None else _owner(content)
+    return (
+        f"another process is writing to the map {folder}, {owner}: wait until it is done; if it "
+        f"was killed, remove its lock with `nearfar map unlock {folder}`"
+    )
+
+
+def _content(lock: Url) -> bytes | None:
+    """None where there is no lock."""
+    try:
+        return lock.read_bytes()
+    except FileNotFoundError:
+        return None
+
+
+def _owner(content: bytes) -> str:
+    try:
+        found = json.loads(content)
+        return f"process {found['process']} on {found['host']} since {found['since']}"
+    except (ValueError, KeyError, TypeError):
+        return "an unknown one"

@@ -11,8 +11,8 @@ from nearfar.errors import ImageError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics
-from nearfar.imaging.image import Image, ImageSource, read_image
-from nearfar.localization import Localization, PointMatches
+from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
+from nearfar.localization import Localization, PointMatches, read_images
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, VerifiedCandidate
 from nearfar.maps.files import file_of, is_unchanged
@@ -23,7 +23,7 @@ from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localized_in
 from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
-from nearfar.maps.world.geotiff import geo_place
+from nearfar.maps.world.places import geo_place
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.method import AdaptiveFeatures
@@ -166,7 +166,10 @@ class MapLocator:
         found = localized_in(self._localizer, candidate, pixels, query.pixels, cameras)
         confidence = found.confidence or 0.0
         checked = VerifiedCandidate(image.name, candidate.votes, confidence, found.reason)
-        return checked, self._answer(candidate, image, found) if found.localized else None
+        if not found.localized:
+            return checked, None
+        images = read_images(found, (pixels, query.pixels))
+        return checked, self._answer(candidate, image, found, images)
 
     def _pixels(self, candidate: Candidate, image: MapImage) -> RGBPixels:
         """The pixels of a candidate, whose stored keypoints the localizer is told of.
@@ -187,7 +190,9 @@ class MapLocator:
             self._localizer.remember(Image(pixels, width, height, None), features)
         return pixels
 
-    def _answer(self, candidate: Candidate, image: MapImage, found: Localization) -> MapAnswer:
+    def _answer(
+        self, candidate: Candidate, image: MapImage, found: Localization, images: ImagePair
+    ) -> MapAnswer:
         model, corners, world = found.far_from_near, None, None
         if not isinstance(model, RelativePose):
             size = found.near.width, found.near.height
@@ -206,6 +211,7 @@ class MapLocator:
             points=PointMatches(in_original, points.near, points.inliers),
             world=world,
             localization=found,
+            images=images,
         )
 
 

@@ -20,7 +20,7 @@ from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.scene import PosedImage
-from nearfar.runtime.progress import Progress, silent
+from nearfar.runtime.logs import Progress, silent
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, location

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from nearfar.errors import MapError
 from nearfar.imaging.tiles import Tile
-from nearfar.maps.database import connect, database_errors, open_table, own_errors
-from nearfar.maps.lock import writer_lock
+from nearfar.maps.database import connect, database_errors, open_table, own_errors, writer_lock
 from nearfar.maps.manifest import read_manifest
 from nearfar.maps.tables import (
     IMAGES,

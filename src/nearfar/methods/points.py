@@ -1,16 +1,14 @@
-"""Methods that detect and match points all over both images: the SIFT baseline and its peers."""
+"""Methods that match keypoints of whole images: a detector, a matcher and an estimator each."""
 
-import math
-from collections.abc import Callable
-from functools import partial
+from typing import Any
 
-import cv2
+import numpy as np
 
 from nearfar.arrays import IndexPairs, RGBPixels
+from nearfar.errors import SettingsError
 from nearfar.estimators import ESTIMATORS, Estimator
-from nearfar.features.detection import detect, detect_sift, root_sift
+from nearfar.features import DETECTORS, MATCHERS, Detector, Matcher
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import match_mnn, match_snn
 from nearfar.methods import METHODS
 from nearfar.models import Answer, Task
 from nearfar.runtime.timing import StageTimer
@@ -18,113 +16,117 @@ from nearfar.settings import Settings
 
 TUNED_ESTIMATOR = "magsac"
 TUNED_THRESHOLD = 1.0
-"""Largest error of an inlier of the tuned methods, in pixels."""
+"""Largest error of an inlier of the tuned methods, in pixels: the best of a grid on the development
+data, together with the detector and the matcher of `sift-tuned`."""
+
+PAPER = {"sift": ("sift", "mnn"), "sift-ratio": ("rootsift", "snn-0.8")}
+"""Detector and matcher of the methods that take the estimator of the settings."""
+TUNED = {
+    "sift-tuned": ("rootsift-0.02", "snn-0.9"),
+    "akaze": ("akaze", "snn-hamming-0.8"),
+    "orb": ("orb", "snn-hamming-0.8"),
+    "asift": ("asift", "fginn"),
+}
+"""Detector and matcher of the methods that take MAGSAC++, or PoseLib for poses."""
 
 
 def tuned_estimator(settings: Settings) -> Estimator:
-    """The estimator of the tuned peers.
-
-    They are fixed opponents: their estimator and its threshold are constants, and the settings of
-    those names, which are the paper's, do not apply to them.
-    """
+    """Return the estimator of the tuned methods."""
     return ESTIMATORS.create(TUNED_ESTIMATOR, settings.replace(inlier_threshold=TUNED_THRESHOLD))
 
 
 class PointMethod:
-    """Points of both images are detected and matched, and the model is fitted to all matches.
+    """Detects keypoints in both images, matches them, and fits the model to all matches.
 
     Args:
-        detect: image -> points.
-        match: far points, near points -> matches.
-        estimator: matches -> model.
+        detector: image -> keypoints.
+        matcher: far keypoints, near keypoints -> index pairs.
+        estimator: matched points -> model.
     """
 
     uses_landmarks = False
 
-    def __init__(
-        self,
-        detect: Callable[[RGBPixels], Keypoints],
-        match: Callable[[Keypoints, Keypoints], IndexPairs],
-        estimator: Estimator,
-    ) -> None:
-        self._detect = detect
-        self._match = match
+    def __init__(self, detector: Detector, matcher: Matcher, estimator: Estimator) -> None:
+        self._detector = detector
+        self._matcher = matcher
         self._estimator = estimator
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> Keypoints:
-        """See `Method.extract`."""
+        """See `Method.extract`.
+
+        Raises:
+            SettingsError: the detector returned anything but valid keypoints.
+        """
         with timer.stage("points"):
-            return self._detect(pixels)
+            return checked_keypoints(self._detector.detect(pixels), self._detector)
 
     def localize(self, far: Keypoints, near: Keypoints, task: Task, timer: StageTimer) -> Answer:
-        """See `Method.localize`."""
+        """See `Method.localize`.
+
+        Raises:
+            SettingsError: the matcher returned anything but valid index pairs.
+        """
         with timer.stage("point matching"):
-            far_index, near_index = self._match(far, near).T
+            found = self._matcher.match(far, near)
+            far_index, near_index = checked_pairs(found, far, near, self._matcher).T
             far_xy, near_xy = far.xy[far_index], near.xy[near_index]
         with timer.stage("estimation"):
             estimate = self._estimator.estimate(far_xy, near_xy, task)
         return Answer(far_xy, near_xy, None, estimate)
 
 
-RATIO = 0.8
-"""Ratio test of Lowe (2004), and of Hamming distances in AKAZE and ORB."""
-TUNED_CONTRAST, TUNED_RATIO = 0.02, 0.9
-"""Best of a grid on the development data, together with `TUNED_THRESHOLD`; the choice stays the
-best, or ties, whichever set is left out."""
-MOST_ORB_POINTS = 8000
-"""OpenCV's default of 500 is meant for video; SIFT finds about this many."""
+@METHODS.register("points", *PAPER, *TUNED)
+class Combination(PointMethod):
+    """A detector, a matcher and an estimator: those of the settings, or a named combination.
 
+    Args:
+        name: "points" takes all three from the settings.
+        settings: the settings.
+    """
 
-@METHODS.register("sift")
-class Sift(PointMethod):
-    """SIFT only: mutual nearest neighbours among all points, then RANSAC."""
-
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        estimator = ESTIMATORS.create(settings.estimator, settings)
-        super().__init__(detect_sift, match_mnn, estimator)
-
-
-@METHODS.register("sift-ratio")
-class SiftRatio(PointMethod):
-    """The paper's SIFT, as RootSIFT, a mutual ratio test of 0.8, and the paper's RANSAC."""
-
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        estimator = ESTIMATORS.create(settings.estimator, settings)
-        match = partial(match_snn, ratio=RATIO)
-        super().__init__(lambda pixels: root_sift(detect_sift(pixels)), match, estimator)
-
-
-@METHODS.register("sift-tuned")
-class SiftTuned(PointMethod):
-    """More SIFT points than the paper's, RootSIFT, a mutual ratio test, and MAGSAC or PoseLib."""
-
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+    def __init__(self, name: str, settings: Settings) -> None:
+        detector, matcher = (PAPER | TUNED).get(name, (settings.detector, settings.matcher))
         super().__init__(
-            lambda pixels: root_sift(detect_sift(pixels, TUNED_CONTRAST)),
-            partial(match_snn, ratio=TUNED_RATIO),
-            tuned_estimator(settings),
+            DETECTORS.create(detector, settings),
+            MATCHERS.create(matcher, settings),
+            tuned_estimator(settings)
+            if name in TUNED
+            else ESTIMATORS.create(settings.estimator, settings),
         )
 
 
-@METHODS.register("akaze")
-class Akaze(PointMethod):
-    """AKAZE (Alcantarilla et al., 2013), a mutual ratio test by Hamming distance, and MAGSAC."""
+def checked_keypoints(found: Any, detector: Detector) -> Keypoints:
+    """Return what a detector found, if it is valid.
 
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        super().__init__(
-            lambda pixels: detect(pixels, cv2.AKAZE_create()),
-            partial(match_snn, ratio=math.sqrt(RATIO)),
-            tuned_estimator(settings),
-        )
+    Raises:
+        SettingsError: it is no `Keypoints`, its arrays do not fit each other, or a value is not
+            finite.
+    """
+    if isinstance(found, Keypoints):
+        rows, arrays = len(found), (found.scale, found.angle, found.score)
+        fits = found.xy.shape == (rows, 2) and found.descriptors.shape[:-1] == (rows,)
+        finite = np.isfinite(found.xy).all() and np.isfinite(found.descriptors).all()
+        if fits and finite and all(each.shape == (rows,) for each in arrays):
+            return found
+    raise SettingsError(
+        f"the detector {type(detector).__qualname__} must return Keypoints of finite numbers with "
+        f"xy (N, 2), scale, angle and score (N,) and descriptors (N, D): use Keypoints.of"
+    )
 
 
-@METHODS.register("orb")
-class Orb(PointMethod):
-    """ORB (Rublee et al., 2011), a mutual ratio test by Hamming distance, and MAGSAC."""
+def checked_pairs(found: Any, far: Keypoints, near: Keypoints, matcher: Matcher) -> IndexPairs:
+    """Return the (K, 2) index pairs that a matcher found, if they are valid.
 
-    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        super().__init__(
-            lambda pixels: detect(pixels, cv2.ORB_create(nfeatures=MOST_ORB_POINTS)),
-            partial(match_snn, ratio=math.sqrt(RATIO)),
-            tuned_estimator(settings),
-        )
+    Raises:
+        SettingsError: they have another shape, or are no indices of the keypoints.
+    """
+    pairs = np.asarray(found)
+    if pairs.size == 0:
+        return np.empty((0, 2), np.intp)
+    indices = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu"
+    if indices and (pairs >= 0).all() and (pairs < [len(far), len(near)]).all():
+        return pairs.astype(np.intp)
+    raise SettingsError(
+        f"the matcher {type(matcher).__qualname__} must return an array (K, 2) of integers: index "
+        f"of a far keypoint (below {len(far)}), index of a near keypoint (below {len(near)})"
+    )

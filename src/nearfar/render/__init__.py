@@ -3,13 +3,15 @@
 One module a kind of picture; `draw`, `page` and `view` are what they are made with.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.localization import Localization
+from nearfar.imaging.image import ImagePair, ImageSource
+from nearfar.localization import Localization, read_images
 from nearfar.render.alignment import overlay_pages
 from nearfar.render.footprint import footprint_page
 from nearfar.render.matches import epipolar_matches, landmark_matches, point_matches
@@ -28,28 +30,37 @@ _THINNING = 4
 """Of so many rows and columns one is looked at to choose 256 colours."""
 
 
-def save_localization(localization: Localization, directory: str | Path) -> list[Path]:
+def save_localization(
+    localization: Localization,
+    directory: str | Path,
+    *,
+    images: Sequence[ImageSource] | None = None,
+) -> list[Path]:
     """Write `localization.json` and pictures into a folder, which is made where missing.
 
     Args:
         localization: what to write.
         directory: the folder.
+        images: the far and the near image as they were given to `localize`; they are read from
+            their files where None.
 
     Returns:
         The files written.
 
     Raises:
+        ImageError: an image was an array and is not given again, or its file is gone.
         OSError: a file cannot be written.
     """
+    shown = read_images(localization, images)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     report = folder / "localization.json"
     with replaced(report) as out:
         out.write_text(localization.to_json() + "\n", encoding="utf-8")
-    return [report, *save_all(localization, folder)]
+    return [report, *save_all(localization, shown, folder)]
 
 
-def save_all(localization: Localization, folder: Path) -> list[Path]:
+def save_all(localization: Localization, images: ImagePair, folder: Path) -> list[Path]:
     """Write every picture that the localization allows, as PNG; others of these names are removed.
 
     Always `point_matches.png`; `landmark_matches.png` of a method with landmarks, unless they
@@ -61,6 +72,7 @@ def save_all(localization: Localization, folder: Path) -> list[Path]:
 
     Args:
         localization: what to show.
+        images: its images.
         folder: where to write; it must exist.
 
     Returns:
@@ -73,11 +85,11 @@ def save_all(localization: Localization, folder: Path) -> list[Path]:
         localization.step is not None and not len(localization.landmarks)
     )
     pages = {
-        "landmark_matches": None if without_landmarks else landmark_matches(localization),
-        "point_matches": point_matches(localization),
-        "epipolar_lines": epipolar_matches(localization),
-        "footprint": footprint_page(localization),
-        **overlay_pages(localization),
+        "landmark_matches": None if without_landmarks else landmark_matches(localization, images),
+        "point_matches": point_matches(localization, images),
+        "epipolar_lines": epipolar_matches(localization, images),
+        "footprint": footprint_page(localization, images),
+        **overlay_pages(localization, images),
     }
     for name in PAGES:  # None may be left of what was shown here before.
         if pages.get(name) is None:

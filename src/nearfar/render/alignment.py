@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import outline, scaling, translation
+from nearfar.imaging.image import ImagePair
 from nearfar.imaging.overlap import polygon_area, polygon_intersection
 from nearfar.localization import Localization
 from nearfar.render.draw import MARK, WHITE, polygon
@@ -66,18 +67,21 @@ class Overlay:
         return np.asarray(np.rint(mixed), np.uint8)
 
 
-def near_on_far(localization: Localization, width: int, height: int) -> Overlay | None:
+def near_on_far(
+    localization: Localization, images: ImagePair, width: int, height: int
+) -> Overlay | None:
     """The near image over the part of the far image in which it lies, enlarged.
 
     Args:
         localization: where the near image lies.
+        images: its images.
         width: largest width of the frame in pixels.
         height: its largest height.
 
     Returns:
         The overlay, or None without a footprint that meets the far image.
     """
-    far, near, model = localization.far, localization.near, localization.far_from_near
+    far, near, model = images.far, images.near, localization.far_from_near
     frame = footprint_frame(localization, width, height)
     if frame is None or not isinstance(model, np.ndarray):
         return None
@@ -87,18 +91,21 @@ def near_on_far(localization: Localization, width: int, height: int) -> Overlay 
     return Overlay(below, above, cover, frame_from_far, float(frame_from_far[0, 0]))
 
 
-def far_on_near(localization: Localization, width: int, height: int) -> Overlay | None:
+def far_on_near(
+    localization: Localization, images: ImagePair, width: int, height: int
+) -> Overlay | None:
     """The far image over the near one, in the frame of the latter.
 
     Args:
         localization: where the near image lies.
+        images: its images.
         width: largest width of the frame in pixels.
         height: its largest height.
 
     Returns:
         The overlay, or None without a footprint that meets the far image.
     """
-    far, near, model = localization.far, localization.near, localization.far_from_near
+    far, near, model = images.far, images.near, localization.far_from_near
     if visible_footprint(localization) is None or not isinstance(model, np.ndarray):
         return None
     scale = min(width / near.width, height / near.height, _MOST_ENLARGED)
@@ -152,10 +159,11 @@ _HOW_TO_READ = {
 }
 
 
-def overlay_pages(localization: Localization) -> dict[str, RGBPixels]:
+def overlay_pages(localization: Localization, images: ImagePair) -> dict[str, RGBPixels]:
     """Pages by name: blend and checkerboard in the frame of either image, as far as they exist."""
     pages = {}
-    above, below = near_on_far(localization, _SIZE, _SIZE), far_on_near(localization, _SIZE, _SIZE)
+    above = near_on_far(localization, images, _SIZE, _SIZE)
+    below = far_on_near(localization, images, _SIZE, _SIZE)
     for kind in ("blend", "checkerboard"):
         if above is not None:
             panel = _panel(above, kind, "Near image over the far image")

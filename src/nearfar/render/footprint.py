@@ -4,6 +4,7 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.geometry.homography import outline, transform
+from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization
 from nearfar.render.alignment import near_on_far
 from nearfar.render.draw import DARK, MARK, WHITE, faded, inside, polygon, segments
@@ -22,12 +23,17 @@ _DIMMED = 0.78
 
 
 def footprint_page(
-    localization: Localization, *, caption: Caption | None = None, aligned: bool = False
+    localization: Localization,
+    images: ImagePair,
+    *,
+    caption: Caption | None = None,
+    aligned: bool = False,
 ) -> RGBPixels | None:
     """The near image's outline on the far image, beside the near image and the region enlarged.
 
     Args:
         localization: what was found.
+        images: its images.
         caption: the text underneath; what was found where None.
         aligned: show the near image blended into the enlarged region.
 
@@ -37,20 +43,18 @@ def footprint_page(
     corners = localization.footprint
     if corners is None:
         return None
-    far = panel(localization.far, MARGIN, MARGIN + TITLE, _FAR_WIDTH, _FAR_HEIGHT, "Far image")
+    far = panel(images.far, MARGIN, MARGIN + TITLE, _FAR_WIDTH, _FAR_HEIGHT, "Far image")
     _outline(far.pixels, far.on_panel(corners))
     if far.width < _WIDE * far.height:
         width, height = _SIDE_WIDTH, max(_LEAST_HEIGHT, (far.height - GAP - TITLE) // 2)
-        near = panel(
-            localization.near, far.left + far.width + GAP, far.top, width, height, "Near image"
-        )
+        near = panel(images.near, far.left + far.width + GAP, far.top, width, height, "Near image")
         left, top = near.left, near.top + near.height + GAP + TITLE
     else:
         width, height = _BELOW_WIDTH, _BELOW_HEIGHT
         below = far.top + far.height + GAP + TITLE
-        near = panel(localization.near, MARGIN, below, width, height, "Near image")
+        near = panel(images.near, MARGIN, below, width, height, "Near image")
         left, top = near.left + near.width + GAP, below
-    region = _region(localization, (left, top), (width, height), aligned)
+    region = _region(localization, images, (left, top), (width, height), aligned)
     page = composed(
         (far, near) if region is None else (far, near, region),
         caption or _caption(localization, region is not None),
@@ -69,10 +73,14 @@ def _outline(pixels: RGBPixels, corners: Coordinates) -> None:
 
 
 def _region(
-    localization: Localization, at: tuple[int, int], size: tuple[int, int], aligned: bool
+    localization: Localization,
+    images: ImagePair,
+    at: tuple[int, int],
+    size: tuple[int, int],
+    aligned: bool,
 ) -> Panel | None:
     """The footprint's surroundings, enlarged; None where it does not meet the far image."""
-    overlay = near_on_far(localization, *size)
+    overlay = near_on_far(localization, images, *size)
     if overlay is None:
         return None
     pixels = overlay.blend() if aligned else overlay.below

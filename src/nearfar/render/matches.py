@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, Coordinates, Mask, Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
+from nearfar.imaging.image import ImagePair
 from nearfar.imaging.overlap import box_overlap, outer_edges
 from nearfar.landmarks.landmarks import LandmarkMatches, centres
 from nearfar.localization import Localization
@@ -33,11 +34,11 @@ _SAME_BOX = 0.5
 _GREY: Colour = (190, 196, 206)
 
 
-def point_matches(localization: Localization) -> RGBPixels:
+def point_matches(localization: Localization, images: ImagePair) -> RGBPixels:
     """Matched points: those that agree with the model over a faint few of the others."""
     points = localization.points
     inliers = points.inliers
-    panels = far_and_near(localization.far, localization.near)
+    panels = far_and_near(images.far, images.near)
     far, near = panels[0].on_page(points.far), panels[1].on_page(points.near)
     drawn = _pick(near, inliers, _MOST_LINES)
     others = _pick(near, ~inliers, _MOST_OTHER_LINES if inliers.any() else _MOST_LINES)
@@ -85,7 +86,7 @@ def _model_name(localization: Localization) -> str:
     return "fundamental matrix" if localization.model == "fundamental" else localization.model
 
 
-def landmark_matches(localization: Localization) -> RGBPixels:
+def landmark_matches(localization: Localization, images: ImagePair) -> RGBPixels:
     """Matched landmarks: the most similar ones, those first that agree with the model."""
     matches = localization.landmarks
     agree = agreeing_landmarks(localization)
@@ -97,7 +98,7 @@ def landmark_matches(localization: Localization) -> RGBPixels:
         drawn = _distinct(matches, by_similarity[agree[by_similarity]], _MOST_LANDMARKS)
         rest = by_similarity[~agree[by_similarity]]
         others = _distinct(matches, rest, min(_MOST_OTHER_LANDMARKS, _MOST_LANDMARKS - len(drawn)))
-    panels = far_and_near(localization.far, localization.near)
+    panels = far_and_near(images.far, images.near)
     with faded(panels[0].pixels, 0.6) as far, faded(panels[1].pixels, 0.6) as near:
         _draw_boxes(panels[0], far, matches.far_boxes[others], None)
         _draw_boxes(panels[1], near, matches.near_boxes[others], None)
@@ -167,12 +168,12 @@ def _landmarks_caption(
     )
 
 
-def epipolar_matches(localization: Localization) -> RGBPixels | None:
+def epipolar_matches(localization: Localization, images: ImagePair) -> RGBPixels | None:
     """A few matched points with their epipolar lines; None unless there is a fundamental matrix."""
     model, points = localization.far_from_near, localization.points
     if not isinstance(model, np.ndarray) or localization.model != "fundamental":
         return None
-    panels = far_and_near(localization.far, localization.near)
+    panels = far_and_near(images.far, images.near)
     chosen = _pick(panels[1].on_page(points.near), points.inliers, _MOST_EPIPOLAR_LINES)
     far, near = points.far[chosen], points.near[chosen]
     _draw_epipolar(panels[0], far, epipolar_lines(model, near))

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def figure_axes(width: float = 7.0, height: float = 4.5) -> tuple[Any, Any]:

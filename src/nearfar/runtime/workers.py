@@ -17,10 +17,9 @@ from typing import Any, TypeVar
 import cv2
 
 from nearfar.errors import ClusterError
-from nearfar.runtime import logs
+from nearfar.runtime import logs, require
 from nearfar.runtime.cluster import Threads, connected
-from nearfar.runtime.extras import require
-from nearfar.runtime.metrics import Meter, Work, this_worker
+from nearfar.runtime.timing import Meter, Work, this_worker
 
 T = TypeVar("T")
 R = TypeVar("R")

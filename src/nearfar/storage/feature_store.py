@@ -39,6 +39,7 @@ Features = TypeVar("Features")
 
 NOT_IN_FEATURES = frozenset(
     {
+        "matcher",
         "estimator",
         "inlier_threshold",
         "max_false_alarms",

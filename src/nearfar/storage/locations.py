@@ -14,13 +14,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearfar.errors import StorageError
-from nearfar.runtime.extras import require
-
-if TYPE_CHECKING:
-    from obstore.store import S3Store
+from nearfar.runtime import require
 
 SCHEME = "s3://"
 ATTEMPTS = 10
@@ -331,12 +328,12 @@ def _state(meta: Any) -> FileState:
     return FileState(meta["size"], int(meta["last_modified"].timestamp()) * 10**9)
 
 
-def _store(bucket: str) -> "S3Store":
+def _store(bucket: str) -> Any:
     return _bucket_store(bucket, PATIENCE)
 
 
 @functools.cache
-def _bucket_store(bucket: str, patience: timedelta) -> "S3Store":
+def _bucket_store(bucket: str, patience: timedelta) -> Any:
     """One a process."""
     from obstore.store import S3Store
 

@@ -25,7 +25,7 @@ from nearfar.errors import BenchmarkError, StorageError
 from nearfar.networks.landmark_network import landmark_network
 from nearfar.registry import outside_code
 from nearfar.runtime.cluster import versions
-from nearfar.runtime.metrics import RunMetrics
+from nearfar.runtime.timing import RunMetrics
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, Url, replaced
 
@@ -33,6 +33,9 @@ Row = dict[str, Any]
 """One line of a result file: one case and one method."""
 
 RECORD = "run.json"
+ADDED = ("detector", "matcher")
+"""Settings that nearfar 0.1.0 did not have. Their defaults are left out of the hash of settings, so
+that its rows resume."""
 PART_SECONDS = 10.0
 """Rows for object storage are kept so long in memory; what a killed run loses there."""
 JOINING_ATTEMPTS = 5
@@ -45,6 +48,9 @@ def settings_table(settings: Settings) -> dict[str, Any]:
     That is the SHA-256 of weights files, of the model that ships, and of plug-ins from outside.
     """
     content = dataclasses.asdict(settings)
+    for name in ADDED:
+        if content[name] == getattr(Settings, name):
+            del content[name]
     content["weights"] = {
         name: hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
         for name, file in sorted(settings.weights.items())

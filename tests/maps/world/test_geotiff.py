@@ -17,8 +17,7 @@ from nearfar.errors import ImageError
 from nearfar.geometry.homography import translation
 from nearfar.imaging.raster import tiff_header
 from nearfar.maps.images import open_image
-from nearfar.maps.world.geotiff import geo_place
-from nearfar.maps.world.places import GeoPlace
+from nearfar.maps.world.places import GeoPlace, geo_place
 from tests.imaging.test_raster import write_tiff
 
 rasterio = pytest.importorskip("rasterio")

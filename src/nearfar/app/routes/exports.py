@@ -1,6 +1,7 @@
 """Answers of jobs, and of benchmarks, in the files of other tools."""
 
 import mimetypes
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
@@ -8,7 +9,7 @@ from fastapi import APIRouter, Depends, Query, Response
 from nearfar.app.errors import ConflictError
 from nearfar.app.formats import image_names
 from nearfar.app.jobs import LocalizeRequest
-from nearfar.app.kept import Kept, KeptAnswer
+from nearfar.app.kept import KeptAnswer, kept_localization
 from nearfar.app.routes import Held
 from nearfar.app.runs import kept_row
 from nearfar.app.writer import Outcome
@@ -23,16 +24,20 @@ def _of_job(held: Held, job_id: str) -> KeptAnswer:
     request, library = job.request, held.library
     if not isinstance(request, LocalizeRequest):
         raise ConflictError("only answers for pairs can be exported")
-    kept = Kept.of(held.jobs.result(job_id).get("localization"))
-    matches = held.jobs.matches_file(job)
+    found = kept_localization(held.jobs.result(job_id).get("localization"))
+    found = replace(
+        found,
+        far=replace(found.far, path=library.file(request.far)),
+        near=replace(found.near, path=library.file(request.near)),
+    )
     names = image_names(library, request.far, request.near)
-    return KeptAnswer(kept, matches, library.file(request.far), library.file(request.near), names)
+    return KeptAnswer(found, held.jobs.matches_file(job), names)
 
 
 def _of_row(
     held: Held, ref: _Text, index: Annotated[int, Query(ge=0)], case: _Text, method: _Text
 ) -> KeptAnswer:
-    return kept_row(held.library.folder(ref), held.library, index, case, method)
+    return kept_row(held.library.folder(ref), held.library, held.renditions, index, case, method)
 
 
 OfJob = Annotated[KeptAnswer, Depends(_of_job)]

@@ -24,7 +24,7 @@ Element = Annotated[float, Query(allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
-class ImageInfo:
+class ImageAnswer:
     """An image; width and height in pixels of the original as displayed."""
 
     ref: str
@@ -49,7 +49,7 @@ def find_folders(held: Held, kind: Literal["map", "run"]) -> list[Folder]:
 @router.post("/images", status_code=201)
 async def send_image(
     request: Request, held: Held, name: Annotated[str, Query(max_length=500)]
-) -> ImageInfo:
+) -> ImageAnswer:
     """Take the bytes of an image file; it is kept if it is one."""
     incoming = await held.uploads.receive(name, _chunks(request))
     try:
@@ -61,7 +61,7 @@ async def send_image(
         incoming.unlink()
         raise
     upload = held.uploads.keep(name, incoming)
-    return ImageInfo(f"upload/{upload.digest}", upload.name, width, height)
+    return ImageAnswer(f"upload/{upload.digest}", upload.name, width, height)
 
 
 async def _chunks(request: Request) -> AsyncIterator[bytes]:
@@ -78,10 +78,10 @@ async def _chunks(request: Request) -> AsyncIterator[bytes]:
 
 
 @router.get("/images/info")
-def image_info(held: Held, ref: Reference) -> ImageInfo:
+def image_info(held: Held, ref: Reference) -> ImageAnswer:
     """Name and size of an image."""
     width, height = held.renditions.size(held.library.file(ref))
-    return ImageInfo(ref, held.library.name(ref), width, height)
+    return ImageAnswer(ref, held.library.name(ref), width, height)
 
 
 @router.get("/images/picture")

@@ -11,7 +11,7 @@ from nearfar.app.routes import Held
 from nearfar.app.runs import Run, read_run
 from nearfar.errors import MissingExtraError
 from nearfar.maps import PACKAGES
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 router = APIRouter(prefix="/api")
 

@@ -14,7 +14,7 @@ from nearfar.bench.datasets.cases import Case, name_below
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.geometry.homography import scale_change, transform
 from nearfar.imaging.image import Image, read_image
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def find_pairs(folder: Path) -> list[Case]:

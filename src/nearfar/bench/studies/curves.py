@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nearfar.bench.results import Result
 from nearfar.bench.summary import by_method
 from nearfar.bench.tables import markdown
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 EDGES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 48.0)
 """Of the bins, each without its upper edge; the last one holds what the curve is known up to."""

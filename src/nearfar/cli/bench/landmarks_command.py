@@ -27,7 +27,7 @@ from nearfar.bench.studies.scale_curve import base_pairs
 from nearfar.cli.bench.options import DEFAULTS, BenchSettings, on_disk, sampled
 from nearfar.cli.options import DEFAULT_WORK, Place, WeightOptions, WorkOptions, with_weights
 from nearfar.errors import SettingsError
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 
 _TITLES = {

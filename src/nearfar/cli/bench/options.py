@@ -14,7 +14,7 @@ from nearfar.bench.runner import run
 from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
 from nearfar.methods import METHODS
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location, Url
 

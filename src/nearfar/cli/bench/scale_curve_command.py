@@ -33,7 +33,7 @@ from nearfar.cli.bench.options import (
     sampled,
 )
 from nearfar.errors import BenchmarkError
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 _TITLES = {
     "pairs": "Real pairs by their own scale change",

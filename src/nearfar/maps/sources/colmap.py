@@ -11,7 +11,7 @@ from nearfar.errors import IntrinsicsError, MapError
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
 from nearfar.maps.sources import MAP_SOURCES, GivenImage, MapSource
 from nearfar.maps.world.scene import PosedImage
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 @MAP_SOURCES.register("colmap")

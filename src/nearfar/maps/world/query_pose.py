@@ -81,7 +81,7 @@ class Posing:
 
 def _matches(answer: MapAnswer, posed: PosedImage) -> ImageMatches:
     points, found = answer.points, answer.localization
-    working = found.near.width / found.near.pixels.shape[1]
+    working = found.near.width / found.near.working_size[0]
     model = answer.far_from_near
     return ImageMatches(
         answer.image,

@@ -3,7 +3,7 @@
 import pytest
 
 from nearfar.errors import MissingExtraError
-from nearfar.runtime.extras import require
+from nearfar.runtime import require
 
 
 def test_a_missing_package_says_how_to_get_it() -> None:

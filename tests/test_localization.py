@@ -1,0 +1,117 @@
+"""A localization as JSON: read back it is the same, and what is damaged is refused."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nearfar import (
+    ImageInfo,
+    LandmarkMatches,
+    Localization,
+    LocalizationError,
+    PointMatches,
+    RelativePose,
+)
+from nearfar.arrays import Matrix3
+from nearfar.models import MODEL_KINDS
+
+NUMBERS = st.floats(-1e9, 1e9)
+MATRICES = st.lists(NUMBERS, min_size=9, max_size=9).map(lambda x: np.array(x).reshape(3, 3))
+TEXTS = st.none() | st.text(max_size=20)
+IMAGES = st.builds(
+    lambda path, width, height: ImageInfo(path, width, height, (width, height)),
+    st.none() | st.just("folder/image.png"),
+    st.integers(1, 10**5),
+    st.integers(1, 10**5),
+)
+
+
+@st.composite
+def localizations(draw: st.DrawFn) -> Localization:
+    """Answers of every kind, failures among them."""
+    kind = draw(st.sampled_from(MODEL_KINDS))
+    model: Matrix3 | RelativePose | None = None
+    if draw(st.booleans()):
+        matrix = draw(MATRICES)
+        model = RelativePose(matrix, matrix[0]) if kind == "pose" else matrix
+    count = draw(st.integers(0, 5))
+    points = PointMatches(np.ones((count, 2)), np.ones((count, 2)), np.arange(count) % 2 == 0)
+    boxes = np.ones((draw(st.integers(0, 3)), 4), np.int32)
+    return Localization(
+        status="failed" if model is None else "localized",
+        reason=draw(TEXTS),
+        model=kind,
+        far_from_near=model,
+        scale_change=draw(st.none() | NUMBERS),
+        confidence=draw(st.none() | st.floats(0, 1)),
+        log10_false_alarms=draw(st.none() | NUMBERS),
+        footprint=draw(st.none() | MATRICES.map(lambda matrix: np.resize(matrix, (4, 2)))),
+        points=points,
+        landmarks=LandmarkMatches(boxes, boxes, np.ones(len(boxes), np.float32)),
+        seconds=draw(st.dictionaries(st.text(max_size=9), st.floats(0, 1e4), max_size=3)),
+        method=draw(st.text(min_size=1, max_size=9)),
+        step=draw(TEXTS),
+        descriptor=draw(TEXTS),
+        far=draw(IMAGES),
+        near=draw(IMAGES),
+    )
+
+
+@given(localizations())
+def test_what_is_read_back_is_the_same(found: Localization) -> None:
+    content = json.loads(found.to_json())
+    again = Localization.from_dict(content, found.points, found.landmarks)
+    assert again.to_dict() == found.to_dict() == content
+    assert (again.far.width, again.near.height) == (found.far.width, found.near.height)
+    assert type(again.far_from_near) is type(found.far_from_near)
+    alone = Localization.from_dict(content)
+    assert len(alone.points) == len(alone.landmarks) == 0
+
+
+@given(localizations(), st.data())
+def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
+    content = found.to_dict()
+    counts = {"inliers", "matches", "landmark_matches"}
+    del content[data.draw(st.sampled_from(sorted(set(content) - counts)))]
+    with pytest.raises(LocalizationError, match="to_dict"):
+        Localization.from_dict(content)
+
+
+WHOLE: dict[str, Any] = {
+    "status": "localized", "reason": None, "model": "homography",
+    "far_from_near": {"homography": np.eye(3).tolist()}, "scale_change": 2.0, "confidence": 0.5,
+    "log10_false_alarms": -9.0, "footprint": None, "method": "sift", "step": None,
+    "descriptor": None, "seconds": {"points": 0.1},
+    "far": {"path": None, "width": 4, "height": 3}, "near": {"path": "x", "width": 4, "height": 3},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"status": "failed"}, {"status": "error"}, {"far_from_near": None}, {"model": "affinity"},
+        {"model": "pose"}, {"far_from_near": {"homography": [[1, 0], [0, 1]]}},
+        {"far_from_near": {"homography": [[np.nan] * 3] * 3}}, {"far_from_near": "homography"},
+        {"footprint": [[0, 0]] * 3}, {"scale_change": "2"}, {"confidence": np.inf},
+        {"confidence": True}, {"reason": 5}, {"step": ["views"]}, {"seconds": [1]},
+        {"seconds": {"points": None}}, {"far": None}, {"far": {"path": None, "width": 4}},
+        {"near": {"path": 4, "width": 4, "height": 3}},
+        {"near": {"path": None, "width": 0, "height": 3}},
+        {"near": {"path": None, "width": 4.5, "height": 3}},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_what_is_damaged_is_refused(damage: dict[str, Any]) -> None:
+    assert Localization.from_dict(WHOLE).localized
+    with pytest.raises(LocalizationError, match="to_dict"):
+        Localization.from_dict(WHOLE | damage)
+
+
+@pytest.mark.parametrize("content", [None, [], "localized", {}])
+def test_what_is_no_object_is_refused(content: Any) -> None:
+    with pytest.raises(LocalizationError, match="to_dict"):
+        Localization.from_dict(content)
