@@ -18,7 +18,8 @@ from nearfar import CameraIntrinsics, Intrinsics, Localization, Localizer, Relat
 from nearfar.arrays import RGBPixels
 from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.cli.bench.options import sampled
-from nearfar.verification.conditioning import LEAST_PARALLAX, relative_parallax
+from nearfar.constants import DEFAULT
+from nearfar.verification.conditioning import relative_parallax
 
 PHOTOGRAPHS = ("astronaut", "coffee", "chelsea", "rocket")
 DEGREES = (0.0, 3.0, 6.0)
@@ -67,7 +68,7 @@ def main() -> None:
         assert case.intrinsics is not None
         found = localizer.localize(case.far, case.near, intrinsics=case.intrinsics)
         ratios["KITTI"].append(ratio(found, case.intrinsics))
-    print(f"limit {LEAST_PARALLAX:g}")
+    print(f"limit {DEFAULT.acceptance.least_parallax:g}")
     for kind, values in ratios.items():
         told = np.array(values)[np.isfinite(values)]
         least, middle, most = np.percentile(told, [0, 50, 100])

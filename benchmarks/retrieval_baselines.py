@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.features.detection import detect_rootsift
 from nearfar.imaging.image import read_image
 from nearfar.maps.images import TILE
 from nearfar.maps.landmarks import DIMENSIONS, LandmarkDescriber
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MOST, MapImage, unpacked_keypoints
-from nearfar.methods.adaptive.method import CONTRAST
 from nearfar.networks.landmark_network import CROP
 from nearfar.settings import Settings
 
@@ -115,7 +115,7 @@ class BagOfWords:
     def ranked(self, query: Path) -> list[str]:
         """The images of the map, best first."""
         pixels = read_image(query, max_size=TILE).pixels
-        counts = self._counts(detect_rootsift(pixels, CONTRAST, MOST).descriptors)
+        counts = self._counts(detect_rootsift(pixels, DEFAULT.points.contrast, MOST).descriptors)
         return best_first(self._names, self._vectors @ unit(np.sqrt(counts) * self._rarity))
 
     def _counts(self, vectors: Vectors) -> Vectors:

@@ -24,18 +24,19 @@ from PIL import Image as PillowImage
 
 import nearfar
 from nearfar.arrays import Coordinates, Mask, RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.demo import PRINTS, TARGET, make_scene
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.estimators import Task
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.matching import nearest_neighbours
-from nearfar.geometry.homography import outline, transform
+from nearfar.geometry.homography import local_scale, outline, transform
+from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis
-from nearfar.methods.adaptive.method import CONTRAST, RATIO, REACH, SOUGHT, VOTED
 from nearfar.methods.adaptive.search import Pyramid, pyramid, search, templates
 from nearfar.methods.adaptive.votes import hypotheses, tentative_matches
-from nearfar.methods.adaptive.zoom import Matched, Region, local_scale, region, scaled, warped
+from nearfar.methods.adaptive.zoom import Matched, Region, region
 from nearfar.methods.points import tuned_estimator
 from nearfar.render import save_small
 from nearfar.render.footprint import footprint_page
@@ -104,13 +105,13 @@ class Attempts:
 def make_pair() -> Pair:
     """The wall at half its size, and the photograph of a retina."""
     photograph = next(each for each in PRINTS if each.file == NEAR).photograph()
-    return Pair(scaled(make_scene().far, 0.5)[0], photograph)
+    return Pair(resized(make_scene().far, 0.5)[0], photograph)
 
 
 def draw_points(pair: Pair) -> None:
     """The first step: matches everywhere, hardly one of them right."""
-    far, near = (detect_rootsift(each, CONTRAST) for each in (pair.far, pair.near))
-    matched = Matched.of(far, near, nearest_neighbours(far, near), RATIO)
+    far, near = (detect_rootsift(each, DEFAULT.points.contrast) for each in (pair.far, pair.near))
+    matched = Matched.of(far, near, nearest_neighbours(far, near), DEFAULT.points.ratio)
     found = fitted(pair, matched, "points")
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[4, 3])
     show(axes[0], pair.far, f"far image, {pair.far_size[0]} x {pair.far_size[1]}")
@@ -121,9 +122,9 @@ def draw_points(pair: Pair) -> None:
 
 def draw_votes(pair: Pair) -> None:
     """The places that matches vote for."""
-    far, near = (detect_rootsift(each, CONTRAST) for each in (pair.far, pair.near))
+    far, near = (detect_rootsift(each, DEFAULT.points.contrast) for each in (pair.far, pair.near))
     tentative = tentative_matches(far, near, *nearest_neighbours(far, near))
-    voted = hypotheses(tentative, VOTED, "votes")
+    voted = hypotheses(tentative, DEFAULT.ladder.from_votes, "votes")
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.6), width_ratios=[4, 3])
     show(axes[0], pair.far, f"{len(voted)} places that matches vote for, the first two in colour")
     show(axes[1], pair.near, f"{len(tentative):,} tentative matches")
@@ -136,14 +137,14 @@ def draw_votes(pair: Pair) -> None:
 def draw_search(pair: Pair, descriptor: DenseDescriptor) -> Hypothesis:
     """The near image sought in the pyramid; the best place of all."""
     far, sought = pyramid(pair.far, descriptor), templates(pair.near, descriptor)
-    found = search(far, sought, pair.near_size, SOUGHT)
+    found = search(far, sought, pair.near_size, DEFAULT.ladder.from_search)
     scale, score = [], []
     for level in far.levels:
         alone = Pyramid([level], far.mean, far.basis)
         scale.append(level.level_from_image[0, 0])
         score.append(search(alone, sought, pair.near_size, 1)[0].support)
     figure, axes = plt.subplots(1, 3, figsize=(WIDTH, 2.9), width_ratios=[1, 3.6, 2.6])
-    small, _ = scaled(pair.near, 96 / max(pair.near_size))
+    small, _ = resized(pair.near, 96 / max(pair.near_size))
     show(axes[0], small, f"template,\n{small.shape[1]} x {small.shape[0]}")
     show(axes[1], pair.far, f"the {len(found)} best places, the first in colour")
     draw_places(axes[1], pair, found, coloured=1)
@@ -161,7 +162,7 @@ def draw_zoom(pair: Pair, best: Hypothesis) -> None:
     seen = region(pair.far, pair.near, best.far_from_near)
     if seen is None:
         raise ValueError("the best place is outside the far image")
-    found = fitted(pair, seen.matches(REACH), best.source)
+    found = fitted(pair, seen.matches(DEFAULT.zoom.reach), best.source)
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.9))
     enlarged = local_scale(seen.frame_from_far, np.zeros(2))
     show(axes[0], far_seen(seen), f"far image, enlarged {enlarged:.1f} times")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from nearfar.constants import Constants
 from nearfar.errors import SettingsError
 
 NETWORKS = ("nearfar", "resnet50", "squeezenet")
@@ -91,6 +92,9 @@ class Settings:
     proposal_max_size: int = 0
     proposal_min_area: int = 200
     proposal_max_aspect: float = 3.0
+
+    constants: Constants = field(default_factory=Constants, metadata={"option": False})
+    """Constants of each step, for experiments; not an option of the command line."""
 
     def __post_init__(self) -> None:
         self._check_types()

@@ -12,6 +12,7 @@ import pytest
 from nearfar import Localization, Localizer, RelativePose, localize
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.bench.studies.kitti import find_kitti_cases
+from nearfar.constants import Constants, PointConstants
 from nearfar.errors import SettingsError
 from nearfar.geometry.errors import direction_angle, rotation_angle
 from tests.conftest import KnownPair
@@ -306,11 +307,11 @@ def test_nothing_is_computed_after_the_budget(
 
 
 def test_the_memory_of_pyramids_is_bounded(
-    photograph: Photograph, monkeypatch: pytest.MonkeyPatch
+    photograph: Photograph,
 ) -> None:
     most = 1_000_000
-    monkeypatch.setattr("nearfar.methods.adaptive.method.PYRAMID_BYTES", most)
-    localizer = Localizer(descriptor="hog", max_effort="landmarks")
+    constants = Constants(points=PointConstants(pyramid_bytes=most))
+    localizer = Localizer(descriptor="hog", max_effort="landmarks", constants=constants)
     near = reduced(photograph("rocket"), 6)
     for turns in range(4):
         far = np.ascontiguousarray(np.rot90(reduced(photograph("coffee"), 3), turns))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from nearfar.arrays import Coordinates
+from nearfar.constants import DEFAULT
 from nearfar.geometry.homography import outline, scaling, transform
 from nearfar.verification.conditioning import (
-    LEAST_PARALLAX,
     corner_deviation,
     largest_deviation,
     relative_parallax,
@@ -67,18 +67,20 @@ def test_exact_matches_leave_nothing_open_and_those_on_a_line_almost_everything(
     near[:, 1] = 0.3 * near[:, 0] + 100
     far = transform(homography, near) + rng.normal(0, NOISE, near.shape)
     seen = transform(homography, outline(*SIZES))
-    assert corner_deviation(homography, far, near, SIZES) > 100 * largest_deviation(seen)
+    assert corner_deviation(homography, far, near, SIZES) > 100 * largest_deviation(
+        seen, DEFAULT.acceptance
+    )
 
 
 def test_the_largest_deviation_is_a_tenth_of_the_diagonal_but_at_least_3_pixels() -> None:
-    assert largest_deviation(outline(300, 400)) == pytest.approx(50)
-    assert largest_deviation(outline(6, 8)) == 3
+    assert largest_deviation(outline(300, 400), DEFAULT.acceptance) == pytest.approx(50)
+    assert largest_deviation(outline(6, 8), DEFAULT.acceptance) == 3
 
 
 def baseline(views: TwoViews, far: Coordinates) -> bool:
     cameras = views.far_intrinsics, views.near_intrinsics
     ratio = relative_parallax(views.pose, far, views.near[: views.right], *cameras)
-    return ratio > LEAST_PARALLAX
+    return ratio > DEFAULT.acceptance.least_parallax
 
 
 @given(seeds)

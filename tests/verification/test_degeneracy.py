@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3
+from nearfar.constants import DEFAULT
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.verification.degeneracy import LARGEST_SCALE, LARGEST_SHORTENING, is_plausible
+from nearfar.verification.degeneracy import is_plausible
 from tests.scenes import SIZE, random_homography
 
 seeds = st.integers(0, 10_000)
@@ -56,13 +57,13 @@ def test_foreshortening_has_a_limit(turn: float) -> None:
     cos, sin = np.cos(turn), np.sin(turn)
     rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
     for share, accepted in ((0.9, True), (1.1, False)):
-        shortened = np.diag([1.0, 1 / (share * LARGEST_SHORTENING), 1])
+        shortened = np.diag([1.0, 1 / (share * DEFAULT.acceptance.largest_shortening), 1])
         assert plausible(rotation @ shortened @ rotation.T, points()) is accepted
 
 
 def test_the_scale_has_limits() -> None:
     for factor, accepted in ((0.9, True), (1.1, False)):
-        scale = factor * LARGEST_SCALE
+        scale = factor * DEFAULT.acceptance.largest_scale
         assert plausible(np.diag([scale, scale, 1]), points()) is accepted
         assert plausible(np.diag([1 / scale, 1 / scale, 1]), points()) is accepted
 

@@ -19,7 +19,7 @@ from nearfar.storage.locations import Url, location
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
 
-EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("^(?!weights$)"))
+EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("^(?!(weights|constants)$)"))
 """Makes each setting one option, but for the weights, which `WeightOptions` reads."""
 
 SettingsOptions = Annotated[Settings, EACH_SETTING]

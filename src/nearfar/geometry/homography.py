@@ -59,6 +59,12 @@ def normalized(homography: Matrix3) -> Matrix3:
     return np.asarray(homography / scale)
 
 
+def local_scale(matrix: Matrix3, at: Coordinates) -> float:
+    """Return the factor by which a homography enlarges lengths at a (2,) point, in the mean."""
+    depth = float(matrix[2] @ [*at, 1.0])
+    return float(np.sqrt(abs(np.linalg.det(matrix) / depth**3))) if depth else np.inf
+
+
 _MOST_POINTS = 1000
 """More points are thinned evenly: 1,000 give half a million distances."""
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform, translation
-from nearfar.methods.adaptive.zoom import scaled
 from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
 from nearfar.networks.runner import MapNetwork
 from nearfar.settings import Settings
@@ -111,7 +110,7 @@ class LandmarkDescriber:
             pixels: the image.
             scales: of the levels of its pyramid.
         """
-        levels = [scaled(pixels, scale) for scale in scales]
+        levels = [resized(pixels, scale) for scale in scales]
         return Landmarks.joined([self._windows(seen, matrix, 0.0) for seen, matrix in levels])
 
     def of_query(self, pixels: RGBPixels) -> Landmarks:
@@ -121,7 +120,7 @@ class LandmarkDescriber:
     def _of_query(self, pixels: RGBPixels) -> Iterator[Landmarks]:
         height, width = pixels.shape[:2]
         for side in QUERY_SIDES:
-            reduced, reduced_from_query = scaled(pixels, side / max(height, width))
+            reduced, reduced_from_query = resized(pixels, side / max(height, width))
             for degrees in ANGLES:
                 angle = math.radians(degrees)
                 seen, seen_from_reduced = turned(reduced, angle)

@@ -12,6 +12,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
+from nearfar.imaging.warp import resized
 from nearfar.localization import Localization, PointMatches, read_images
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, VerifiedCandidate
@@ -28,7 +29,6 @@ from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.method import AdaptiveFeatures
 from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
-from nearfar.methods.adaptive.zoom import scaled
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 
@@ -224,7 +224,7 @@ def _seen(query: Image, view: View) -> tuple[RGBPixels, Matrix3]:
     """A view of the query, and the transform from the query's pixels to it."""
     if view == FRONTAL:
         return query.pixels, np.eye(3)
-    reduced, reduced_from_query = scaled(
+    reduced, reduced_from_query = resized(
         query.pixels, min(1.0, VIEW_SIDE / max(query.width, query.height))
     )
     pixels, view_from_reduced = simulate(reduced, view)

@@ -10,12 +10,12 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.features.detection import detect, root_sift, sift
 from nearfar.features.keypoints import Keypoints
 from nearfar.imaging.tiles import Tile
 from nearfar.maps.database import connect
 from nearfar.maps.landmarks import DIMENSIONS, Landmarks
-from nearfar.methods.adaptive.method import CONTRAST
 from nearfar.storage.locations import Location
 
 OK = "ok"
@@ -200,7 +200,7 @@ _RECORD = np.dtype(
 
 def packed_keypoints(pixels: RGBPixels) -> bytes:
     """The keypoints of an image that the method `adaptive` would find, at most `MOST`."""
-    found = detect(pixels, sift(CONTRAST, MOST))
+    found = detect(pixels, sift(DEFAULT.points.contrast, MOST))
     records = np.empty(len(found), _RECORD)
     records["x"], records["y"] = found.xy.T
     records["size"], records["angle"] = found.scale, np.degrees(found.angle)

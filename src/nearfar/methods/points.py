@@ -14,11 +14,6 @@ from nearfar.models import Answer, Task
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 
-TUNED_ESTIMATOR = "magsac"
-TUNED_THRESHOLD = 1.0
-"""Largest error of an inlier of the tuned methods, in pixels: the best of a grid on the development
-data, together with the detector and the matcher of `sift-tuned`."""
-
 PAPER = {"sift": ("sift", "mnn"), "sift-ratio": ("rootsift", "snn-0.8")}
 """Detector and matcher of the methods that take the estimator of the settings."""
 TUNED = {
@@ -32,7 +27,8 @@ TUNED = {
 
 def tuned_estimator(settings: Settings) -> Estimator:
     """Return the estimator of the tuned methods."""
-    return ESTIMATORS.create(TUNED_ESTIMATOR, settings.replace(inlier_threshold=TUNED_THRESHOLD))
+    threshold = settings.constants.points.inlier_threshold
+    return ESTIMATORS.create("magsac", settings.replace(inlier_threshold=threshold))
 
 
 class PointMethod:

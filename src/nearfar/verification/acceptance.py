@@ -1,15 +1,15 @@
-"""Which models are answers: those that neither chance explains nor their own matches leave open."""
+"""Accept a model only if it is significant and well-conditioned."""
 
 import dataclasses
 import math
 
 from nearfar.arrays import Coordinates
+from nearfar.constants import AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint
 from nearfar.models import MODEL_NAMES, Answer, Estimate, Task, failure
 from nearfar.settings import Settings
 from nearfar.verification.conditioning import (
-    LEAST_PARALLAX,
     corner_deviation,
     largest_deviation,
     relative_parallax,
@@ -48,10 +48,12 @@ def accepted(
         return answer
     else:
         far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
-        left_open = _left_open(estimate, far, near, task, near_size)
-        if left_open is None:
+        underdetermined = _underdetermined(
+            estimate, far, near, task, near_size, settings.constants.acceptance
+        )
+        if underdetermined is None:
             return answer
-        reason = left_open
+        reason = underdetermined
         confidence = None if confidence is None else 0.0  # Evidence, but for more than one answer.
     name = MODEL_NAMES[task.model]
     agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
@@ -59,17 +61,22 @@ def accepted(
     return dataclasses.replace(answer, estimate=failed, confidence=confidence)
 
 
-def _left_open(
-    estimate: Estimate, far: Coordinates, near: Coordinates, task: Task, near_size: tuple[int, int]
+def _underdetermined(
+    estimate: Estimate,
+    far: Coordinates,
+    near: Coordinates,
+    task: Task,
+    near_size: tuple[int, int],
+    constants: AcceptanceConstants,
 ) -> str | None:
-    """What the inliers do not determine; None where they determine the model."""
+    """Return what the inliers do not determine; None where they determine the model."""
     model = estimate.far_from_near
     if isinstance(model, RelativePose):
-        if relative_parallax(model, far, near, *task.cameras) < LEAST_PARALLAX:
+        if relative_parallax(model, far, near, *task.cameras) < constants.least_parallax:
             return "which a rotation alone explains: no direction follows (try --model homography)"
     elif model is not None and task.model == "homography":
         seen = footprint(model, *near_size)
         deviation = corner_deviation(model, far, near, near_size)
-        if seen is not None and deviation > largest_deviation(seen):
+        if seen is not None and deviation > largest_deviation(seen, constants):
             return f"which leave its corners open by {deviation:.0f} pixels"
     return None

@@ -4,17 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
+from nearfar.constants import AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose, fundamental_from_pose
 from nearfar.geometry.homography import outline, scaling, transform
 
-LEAST_PARALLAX = 8.0
-"""Parallax over error from which cameras count as apart (`benchmarks/parallax.py`)."""
-ROUNDS, SMALL_PX = 10, 0.01
-"""Rounds of reweighting to the rotation of least mean parallax; the least parallax and error that
-are told from none."""
-OPEN_SHARE, OPEN_PX = 0.1, 3.0
-"""Corners that deviate by more than this share of the footprint's diagonal, and so many pixels, are
-left open; what the benchmarks call a loose success is as near."""
+ROUNDS = 10
+"""Rounds of reweighting to the rotation of least mean parallax."""
+SMALL_PX = 0.01
+"""Least parallax and error that differ from none, in pixels."""
 
 
 def corner_deviation(
@@ -47,14 +44,15 @@ def corner_deviation(
     return float(np.sqrt(variance * (corners**2).sum() / 4))
 
 
-def largest_deviation(footprint: Coordinates) -> float:
-    """The deviation of corners from which a homography counts as left open, in far pixels.
+def largest_deviation(footprint: Coordinates, constants: AcceptanceConstants) -> float:
+    """Return the largest deviation of the corners of a determined homography, in far pixels.
 
     Args:
         footprint: (4, 2) where the corners of the near image lie in the far one.
+        constants: of acceptance.
     """
     diagonals = np.linalg.norm(footprint[2:] - footprint[:2], axis=1)
-    return max(OPEN_PX, OPEN_SHARE * float(diagonals.mean()))
+    return max(constants.open_pixels, constants.open_share * float(diagonals.mean()))
 
 
 def _jacobian(far_from_near: Matrix3, near: Coordinates, unit_from_near: Matrix3) -> Matrix3:

@@ -4,15 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.constants import DEFAULT, AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
 
 COLLINEAR_PX = 0.1
 """Points this close to one line (root mean square) count as lying on it, in pixels."""
-
-LARGEST_SHORTENING = 30.0
-"""Ratio of the scales of two directions at one point; the strongest of the known pairs is 20."""
-LARGEST_SCALE = 100.0
 
 
 def finite_rows(far: Coordinates, near: Coordinates) -> NDArray[np.intp]:
@@ -57,7 +54,12 @@ def determines_homography(
     return bool(spread) and not (_collinear(far) or _collinear(near))
 
 
-def is_plausible(model: Matrix3 | RelativePose, kind: str, near: Coordinates) -> bool:
+def is_plausible(
+    model: Matrix3 | RelativePose,
+    kind: str,
+    near: Coordinates,
+    constants: AcceptanceConstants = DEFAULT.acceptance,
+) -> bool:
     """Whether a camera could have seen what a model says; every pose and fundamental matrix is.
 
     A homography between two photographs of a surface's one side keeps the sense of rotation
@@ -67,6 +69,7 @@ def is_plausible(model: Matrix3 | RelativePose, kind: str, near: Coordinates) ->
         model: the model.
         kind: "homography", "fundamental" or "pose".
         near: (K, 2) near points of the inliers.
+        constants: of acceptance.
     """
     if kind != "homography":
         return True
@@ -81,9 +84,9 @@ def is_plausible(model: Matrix3 | RelativePose, kind: str, near: Coordinates) ->
     largest, smallest = np.linalg.svd(jacobians, compute_uv=False).T
     same_sense = bool((np.linalg.det(jacobians) > 0).all())
     return same_sense and bool(
-        (largest < LARGEST_SHORTENING * smallest).all()
-        and (largest < LARGEST_SCALE).all()
-        and (smallest > 1 / LARGEST_SCALE).all()
+        (largest < constants.largest_shortening * smallest).all()
+        and (largest < constants.largest_scale).all()
+        and (smallest > 1 / constants.largest_scale).all()
     )
 
 

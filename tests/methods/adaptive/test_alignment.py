@@ -1,4 +1,4 @@
-"""Rough places become affine and accurate, and the right one gets the greatest likeness."""
+"""Rough places become affine and accurate, and the right one gets the greatest similarity."""
 
 import functools
 from collections.abc import Callable
@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.geometry.homography import outline, transform, translation
-from nearfar.methods.adaptive.alignment import MOST_FORESHORTENED, MOST_RESIZED, Frame, align
+from nearfar.methods.adaptive.alignment import Frame, align
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import pyramid
 from nearfar.settings import Settings
@@ -85,16 +86,16 @@ def test_the_right_place_is_the_best(
     assert all(found[0].support > 1.3 * other for other in others)
 
 
-def test_likeness_is_greatest_where_the_image_lies(
+def test_similarity_is_greatest_where_the_image_lies(
     far_and_near: tuple[RGBPixels, RGBPixels], rough: Hypothesis
 ) -> None:
     far, near = far_and_near
     frame = Frame(near, network(), pyramid(far, network()), 192, 24)
-    right = frame.likeness(far, Hypothesis(AFFINE, 0.0, "landmarks"))
-    shifted = frame.likeness(far, Hypothesis(translation(20, 0) @ AFFINE, 0.0, "landmarks"))
-    assert right > frame.likeness(far, rough) > shifted
+    right = frame.similarity(far, Hypothesis(AFFINE, 0.0, "landmarks"))
+    shifted = frame.similarity(far, Hypothesis(translation(20, 0) @ AFFINE, 0.0, "landmarks"))
+    assert right > frame.similarity(far, rough) > shifted
     itself = Frame(near, network(), pyramid(near, network()), 192, 24)
-    assert itself.likeness(near, Hypothesis(np.eye(3), 0.0, "landmarks")) > 0.95
+    assert itself.similarity(near, Hypothesis(np.eye(3), 0.0, "landmarks")) > 0.95
 
 
 def test_what_lies_outside_matches_nothing(far_and_near: tuple[RGBPixels, RGBPixels]) -> None:
@@ -102,7 +103,7 @@ def test_what_lies_outside_matches_nothing(far_and_near: tuple[RGBPixels, RGBPix
     frame = Frame(near, network(), pyramid(far, network()), 128, 40)
     beyond = similarity((5000, 5000), 0.15, 0)
     assert frame.aligned(far, beyond) is None
-    assert frame.likeness(far, beyond) == 0
+    assert frame.similarity(far, beyond) == 0
 
 
 def test_no_other_place_altogether_and_the_same_twice() -> None:
@@ -115,8 +116,9 @@ def test_no_other_place_altogether_and_the_same_twice() -> None:
         np.testing.assert_array_equal(each.far_from_near, twin.far_from_near)
         longer, shorter = np.linalg.svd(each.far_from_near[:2, :2], compute_uv=False)
         assert np.linalg.det(each.far_from_near[:2, :2]) > 0
-        assert longer < MOST_FORESHORTENED * shorter
-        assert 1 / MOST_RESIZED < np.sqrt(longer * shorter) / 0.1 < MOST_RESIZED
+        assert longer < DEFAULT.alignment.most_foreshortened * shorter
+        most = DEFAULT.alignment.most_rescaled
+        assert 1 / most < np.sqrt(longer * shorter) / 0.1 < most
 
 
 def test_nothing_sought_or_nothing_to_see() -> None:

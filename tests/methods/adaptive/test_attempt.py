@@ -39,7 +39,7 @@ def test_more_right_matches_are_more_evidence(estimator: Estimator, seed: int) -
         made = attempt(
             [matched(far[:count], near[:count])], Task("homography"), estimator, FAR_SIZE, "votes"
         )
-        evidence.append(made.evidence)
+        evidence.append(made.log10_nfa)
         assert made.step == "votes"
     assert evidence == sorted(evidence, reverse=True)
     assert evidence[-1] < -30
@@ -53,7 +53,7 @@ def test_matches_of_all_sets_count(estimator: Estimator) -> None:
     together = attempt([matched(far, near)], Task("homography"), estimator, FAR_SIZE, "points")
     assert len(apart.far) == len(apart.near) == 100
     assert apart.estimate.inliers.sum() == together.estimate.inliers.sum() >= 60
-    assert apart.evidence == pytest.approx(together.evidence)
+    assert apart.log10_nfa == pytest.approx(together.log10_nfa)
 
 
 def test_agreement_in_a_narrow_gate_is_less_evidence(estimator: Estimator) -> None:
@@ -62,13 +62,13 @@ def test_agreement_in_a_narrow_gate_is_less_evidence(estimator: Estimator) -> No
     evidence = [
         attempt(
             [matched(far, near, radius)], Task("homography"), estimator, FAR_SIZE, "votes"
-        ).evidence
+        ).log10_nfa
         for radius in (3, 30, 300, np.inf)
     ]
     assert evidence == sorted(evidence, reverse=True)
     assert len(set(evidence)) == 4
     wide = attempt([matched(far, near, 1e5)], Task("homography"), estimator, FAR_SIZE, "votes")
-    assert wide.evidence == evidence[-1]
+    assert wide.log10_nfa == evidence[-1]
 
 
 @given(seeds)
@@ -76,7 +76,7 @@ def test_agreement_in_a_narrow_gate_is_less_evidence(estimator: Estimator) -> No
 def test_chance_is_no_evidence(estimator: Estimator, seed: int) -> None:
     far, near = np.random.default_rng(seed).uniform(0, SIZE, (2, 100, 2))
     made = attempt([matched(far, near)], Task("homography"), estimator, FAR_SIZE, "votes")
-    assert made.evidence > -3
+    assert made.log10_nfa > -3
 
 
 def test_a_mirrored_image_is_no_evidence() -> None:
@@ -85,14 +85,14 @@ def test_a_mirrored_image_is_no_evidence() -> None:
     far = near / 3 * [-1, 1] + [500, 0]
     made = attempt([matched(far, near)], Task("homography"), estimator, FAR_SIZE, "votes")
     assert made.estimate.inliers.sum() == 80
-    assert made.evidence == math.inf
+    assert made.log10_nfa == math.inf
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4])
 def test_too_few_matches(estimator: Estimator, count: int) -> None:
     far, near = np.random.default_rng(0).uniform(0, SIZE, (2, count, 2))
     made = attempt([matched(far, near, 20)], Task("homography"), estimator, FAR_SIZE, "votes")
-    assert made.evidence == math.inf
+    assert made.log10_nfa == math.inf
     assert made.far.shape == (count, 2)
     assert (made.estimate.far_from_near is None) == (made.estimate.reason is not None)
 
@@ -106,5 +106,5 @@ def test_scenes_with_depth(estimator: Estimator, model: str) -> None:
         else Task("fundamental")
     )
     made = attempt([matched(views.far, views.near)], task, estimator, FAR_SIZE, "points")
-    assert made.evidence < -100
+    assert made.log10_nfa < -100
     assert made.estimate.inliers[:150].mean() > 0.95

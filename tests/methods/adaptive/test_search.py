@@ -9,19 +9,18 @@ import pytest
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.descriptors.hog import HOG
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import local_scale, transform
 from nearfar.methods.adaptive import search as search_module
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import (
-    MOST_PIXELS_ENLARGED,
-    enlarged,
     pyramid,
     search,
     templates,
+    upsampled,
 )
-from nearfar.methods.adaptive.zoom import local_scale
 from nearfar.settings import Settings
 
 HOG_MAPS = HOG("hog", Settings())
@@ -91,14 +90,14 @@ def test_the_best_place_scale_and_rotation(
 
 
 @pytest.mark.parametrize("name", CROPS)
-def test_what_is_thirty_pixels_large_is_found_enlarged(
+def test_what_is_thirty_pixels_large_is_found_upsampled(
     name: str, photograph: Callable[[str], RGBPixels]
 ) -> None:
     image = photograph(name)
     far, far_from_photograph = reduced(image, 8)
     near, photograph_from_near = crop_and_turn(image, name, 0)
     height, width = near.shape[:2]
-    larger = enlarged(pyramid(far, HOG_MAPS), far, HOG_MAPS)
+    larger = upsampled(pyramid(far, HOG_MAPS), far, HOG_MAPS)
     best = search(larger, templates(near, HOG_MAPS), (width, height), 1)[0].far_from_near
     centre = np.array([[(width - 1) / 2, (height - 1) / 2]])
     truth = far_from_photograph @ photograph_from_near
@@ -110,10 +109,10 @@ def test_what_is_thirty_pixels_large_is_found_enlarged(
 def test_enlarged_levels_continue_a_pyramid(side: int) -> None:
     image = np.random.default_rng(0).integers(0, 255, (side, side, 3), np.uint8)
     base = pyramid(image, HOG_MAPS)
-    scales = [level.level_from_image[0, 0] for level in enlarged(base, image, HOG_MAPS).levels]
+    scales = [level.level_from_image[0, 0] for level in upsampled(base, image, HOG_MAPS).levels]
     first = base.levels[0].level_from_image[0, 0]
     np.testing.assert_allclose(scales, [first * 2 ** (step / 3) for step in (1, 2, 3)], rtol=0.03)
-    assert (scales[-1] * side) ** 2 < 1.05 * MOST_PIXELS_ENLARGED
+    assert (scales[-1] * side) ** 2 < 1.05 * DEFAULT.search.most_enlarged_pixels
 
 
 @pytest.mark.parametrize("height", [128, 190, 200, 330])

@@ -18,8 +18,8 @@ from nearfar.methods.adaptive.simulated_views import (
     View,
     around,
     from_views,
-    seen_from_aside,
     simulate,
+    view_keypoints,
 )
 from nearfar.settings import Settings
 
@@ -131,8 +131,8 @@ def test_keypoints_of_views_lie_where_those_of_the_image_do(
     photograph: Callable[[str], RGBPixels],
 ) -> None:
     image = photograph("coffee")
-    frontal = seen_from_aside(image, [FRONTAL])
-    tilted = seen_from_aside(image, around(2, 2))
+    frontal = view_keypoints(image, [FRONTAL])
+    tilted = view_keypoints(image, around(2, 2))
     height, width = image.shape[:2]
     assert len(tilted.xy) > 100
     assert (tilted.xy >= -0.5).all()
@@ -150,7 +150,7 @@ def test_views_of_both_images_bridge_a_strong_tilt(
     blurred = cv2.GaussianBlur(far, (0, 0), sigmaX=2.0, sigmaY=0.01)
     near = np.asarray(cv2.warpPerspective(blurred, squeezed, (width // 4, height)))
     views = ALL_AROUND[0]
-    seen = [(seen_from_aside(far, views), seen_from_aside(near, views))]
+    seen = [(view_keypoints(far, views), view_keypoints(near, views))]
     (found,) = from_views(seen, MAGSAC)
     near_corners = transform(squeezed, outline(width, height))
     error = np.linalg.norm(
@@ -164,4 +164,4 @@ def test_without_keypoints_there_is_no_hypothesis() -> None:
     nothing = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
     assert from_views([(nothing, nothing)], MAGSAC) == []
     blank = np.full((60, 80, 3), 90, np.uint8)
-    assert from_views([(seen_from_aside(blank, [FRONTAL]),) * 2], MAGSAC) == []
+    assert from_views([(view_keypoints(blank, [FRONTAL]),) * 2], MAGSAC) == []

@@ -9,21 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
-from nearfar.geometry.homography import outline, transform
+from nearfar.geometry.homography import local_scale, outline, transform
+from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.zoom import (
-    LONGEST_SIDE,
-    MOST_ENLARGED,
     Matched,
-    local_scale,
-    matched_again,
+    guided_matches,
     region,
-    scaled,
-    warped,
 )
 from nearfar.verification.degeneracy import is_plausible
 
+ZOOM = DEFAULT.zoom
 seeds = st.integers(0, 10_000)
 
 
@@ -70,10 +68,10 @@ def test_the_frame_holds_the_near_image_inside_the_far_one(
     assert (covered[0] >= -0.5 - 1e-9).all()
     assert (covered[1] <= np.array([599.5, 399.5]) + 1 / enlarged).all()
     np.testing.assert_allclose(found.frame_from_near, found.frame_from_far @ truth)
-    assert enlarged <= MOST_ENLARGED
-    assert max(found.size) <= LONGEST_SIDE + 1
-    if max(found.size) < LONGEST_SIDE - 1:
-        assert enlarged == pytest.approx(np.clip(1 / factor, 1, MOST_ENLARGED))
+    assert enlarged <= ZOOM.most_enlarged
+    assert max(found.size) <= ZOOM.longest_side + 1
+    if max(found.size) < ZOOM.longest_side - 1:
+        assert enlarged == pytest.approx(np.clip(1 / factor, 1, ZOOM.most_enlarged))
 
 
 @pytest.mark.parametrize(
@@ -111,12 +109,12 @@ def test_scaled_places_are_exact(
     size: tuple[int, int], factor: float, share: tuple[float, float]
 ) -> None:
     place = np.array(share) * (np.array(size) - 1)
-    resized, matrix = scaled(blob(size, place, min(size) / 10), factor)
-    assert resized.shape[1] == max(16, round(size[0] * factor))
+    reduced, matrix = resized(blob(size, place, min(size) / 10), factor)
+    assert reduced.shape[1] == max(16, round(size[0] * factor))
     expected = transform(matrix, place[np.newaxis])[0]
     assert np.linalg.norm(centroid(resized, expected, 1000) - expected) < 0.1
     corners = transform(matrix, outline(*size))
-    np.testing.assert_allclose(corners, outline(resized.shape[1], resized.shape[0]), atol=1e-9)
+    np.testing.assert_allclose(corners, outline(reduced.shape[1], reduced.shape[0]), atol=1e-9)
 
 
 @pytest.mark.parametrize("factor", [0.05, 0.2, 0.6, 0.8, 1.0, 2.5])
@@ -227,7 +225,7 @@ def test_matches_again_are_right_where_the_hypothesis_is_a_little_wrong(
         far = np.ascontiguousarray(np.rot90(far, -1))
     wrong = perturbed(truth, near)
     far_points, near_points = (detect_rootsift(each, 0.02) for each in (far, near))
-    matched = matched_again(far_points, near_points, wrong, 0.12)
+    matched = guided_matches(far_points, near_points, wrong, 0.12)
     assert len(matched.far) > 40
     assert (errors(matched, truth) < 1).mean() > 0.8
     assert np.abs(transform(wrong, matched.near) - matched.far).max() < matched.radius + 1e-6
@@ -251,6 +249,8 @@ def test_nothing_matches_nothing() -> None:
     found = region(grey(400, 600), grey(300, 300), similarity(0.3, 0, 100, 100))
     assert found is not None
     assert len(found.matches(0.1).far) == 0
-    none = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
-    assert matched_again(none, none, np.eye(3), 0.1).far.shape == (0, 2)
+    none = Keypoints(
+        np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), np.float32)
+    )
+    assert guided_matches(none, none, np.eye(3), 0.1).far.shape == (0, 2)
     assert Matched.none().far.shape == Matched.none().near.shape == (0, 2)

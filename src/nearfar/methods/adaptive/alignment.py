@@ -1,9 +1,9 @@
-"""Alignment: places found by the search are made affine, and told apart, by their finer features.
+"""Alignment: refine search hypotheses to affine transforms with fine features, and re-rank them.
 
-The search knows the near image only straight on and only 96 pixels large, so that a foreshortened
-place is far down its list and too rough for keypoints to match. Here both images are described in
-the frame that a hypothesis gives, each cell of the near image looks for its like nearby, and the
-affine transform that most of these agree on replaces the hypothesis.
+The search compares the near image without tilt, reduced to 96 pixels. A foreshortened place ranks
+low there, and its similarity transform is too rough for guided matching of keypoints. Alignment
+describes both images in the frame of a hypothesis. Each cell of the near image is matched to its
+nearest neighbour within reach. The affine transform with most inliers replaces the hypothesis.
 """
 
 import math
@@ -15,38 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.constants import DEFAULT, AlignmentConstants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, distinct, unit
-from nearfar.methods.adaptive.zoom import scaled, warped
-
-FIRST = ((128, 40.0), (192, 56.0))
-"""Longest side of the near image, and how far from the expected place a cell may lie, in pixels of
-the frame: one pass over all hypotheses each."""
-THEN = ((160, 32.0), (192, 24.0))
-"""The same of the passes after these, one after the other."""
-KEPT = 40
-"""Hypotheses that go on after each of the first passes."""
-LEAST_SIMILARITY, LEAST_CELLS = 0.2, 6
-"""Of two cells that match, and of a transform."""
-TOLERANCE = 8.0
-"""How far from where the transform puts it a cell may lie, in pixels of the frame."""
-MOST_RESIZED, MOST_FORESHORTENED = 2.5, 8.0
-"""Change of scale against the first hypothesis, and ratio of the scales along the two axes."""
-BORDER = 16
-"""Pixels around what is compared, which the features of its edge see."""
 
 
 class Frame:
-    """The near image, reduced, with a margin in which the far image is looked at.
+    """The near image, reduced, with a margin that shows the far image around it.
 
     Args:
         near: the near image.
         descriptor: describes the cells.
         far: the pyramid of the far image, whose basis is used.
         side: longest side of the near image in the frame, in pixels.
-        reach: how far from the expected place a cell is sought, in pixels of the frame.
+        reach: distance from the expected position within which a cell is matched, in pixels of
+            the frame.
+        constants: of the alignment.
     """
 
     def __init__(
@@ -56,11 +43,12 @@ class Frame:
         far: Pyramid,
         side: int,
         reach: float,
+        constants: AlignmentConstants = DEFAULT.alignment,
     ) -> None:
-        self._descriptor, self._far = descriptor, far
-        reduced, reduced_from_near = scaled(near, min(1.0, side / max(near.shape[:2])))
+        self._descriptor, self._far, self._constants = descriptor, far, constants
+        reduced, reduced_from_near = resized(near, min(1.0, side / max(near.shape[:2])))
         height, width = reduced.shape[:2]
-        margin = 8 * math.ceil(reach / 8) + BORDER
+        margin = 8 * math.ceil(reach / 8) + constants.border
         right, bottom = margin + (-width % 16), margin + (-height % 16)
         padded = cv2.copyMakeBorder(reduced, margin, bottom, margin, right, cv2.BORDER_REFLECT_101)
         self._size = padded.shape[1], padded.shape[0]
@@ -73,7 +61,7 @@ class Frame:
         self._penalty = np.where(away > reach, -2, 0).astype(np.float32)
 
     def aligned(self, far: RGBPixels, hypothesis: Hypothesis) -> Hypothesis | None:
-        """The affine transform that most cells agree on; its support is their likeness.
+        """Return the affine transform with most inlier cells; their similarity is its support.
 
         Args:
             far: the far image.
@@ -87,14 +75,16 @@ class Frame:
         each = np.arange(len(similarity))
         best = similarity.argmax(axis=1)
         mutual = similarity.argmax(axis=0)[best] == each
-        matched = np.flatnonzero(mutual & (similarity[each, best] > LEAST_SIMILARITY))
-        if len(matched) < LEAST_CELLS:
+        matched = np.flatnonzero(
+            mutual & (similarity[each, best] > self._constants.least_similarity)
+        )
+        if len(matched) < self._constants.least_cells:
             return None
         affine, inliers = cv2.estimateAffine2D(
             self._cells[self._covered[matched]],
             self._cells[best[matched]],
             method=cv2.RANSAC,
-            ransacReprojThreshold=TOLERANCE,
+            ransacReprojThreshold=self._constants.tolerance,
             maxIters=300,
         )
         if affine is None:
@@ -105,8 +95,8 @@ class Frame:
         support = float(similarity[agreeing, best[agreeing]].sum()) / len(similarity)
         return Hypothesis(far_from_near, support, "alignment")
 
-    def likeness(self, far: RGBPixels, hypothesis: Hypothesis) -> float:
-        """Mean similarity of the cells to what lies exactly where the hypothesis puts them."""
+    def similarity(self, far: RGBPixels, hypothesis: Hypothesis) -> float:
+        """Return the mean similarity of the cells to those where the hypothesis puts them."""
         vectors, _ = self._seen(far, hypothesis.far_from_near)
         return float((self._vectors * vectors[self._covered]).sum(axis=1).mean())
 
@@ -132,8 +122,9 @@ def align(
     sought: Sequence[Hypothesis],
     descriptor: DenseDescriptor,
     features: Pyramid,
+    constants: AlignmentConstants = DEFAULT.alignment,
 ) -> list[Hypothesis]:
-    """Affine hypotheses near those of the search, best first.
+    """Return affine hypotheses near those of the search, best first.
 
     Args:
         far: the far image.
@@ -141,47 +132,54 @@ def align(
         sought: from the search, similarity transforms.
         descriptor: the search's.
         features: of the far image, as the search saw it.
+        constants: of the alignment.
     """
     if not sought:
         return []
     first, then = (
-        [Frame(near, descriptor, features, side, reach) for side, reach in frames]
-        for frames in (FIRST, THEN)
+        [Frame(near, descriptor, features, side, reach, constants) for side, reach in frames]
+        for frames in (constants.first_frames, constants.later_frames)
     )
     found = []
     for frame in first:
-        begun = [(_near(frame.aligned(far, each), each), each) for each in sought]
+        begun = [(_near(frame.aligned(far, each), each, constants), each) for each in sought]
         moved = [(each, origin) for each, origin in begun if each is not None]
         moved.sort(key=lambda pair: -pair[0].support)
-        found += [_finished(far, *pair, then) for pair in moved[:KEPT]]
+        found += [_finished(far, *pair, then, constants) for pair in moved[: constants.kept]]
     best = sorted((each for each in found if each is not None), key=lambda each: -each.support)
     height, width = near.shape[:2]
     return distinct(best, (width, height), len(best))
 
 
 def _finished(
-    far: RGBPixels, start: Hypothesis, origin: Hypothesis, frames: Sequence[Frame]
+    far: RGBPixels,
+    start: Hypothesis,
+    origin: Hypothesis,
+    frames: Sequence[Frame],
+    constants: AlignmentConstants,
 ) -> Hypothesis | None:
-    """The result of the later passes, with its likeness as support."""
+    """The result of the later passes, with its similarity as support."""
     moved = start
     for frame in frames:
-        following = _near(frame.aligned(far, moved), origin)
+        following = _near(frame.aligned(far, moved), origin, constants)
         if following is None:
             return None
         moved = following
-    return replace(moved, support=frames[-1].likeness(far, moved))
+    return replace(moved, support=frames[-1].similarity(far, moved))
 
 
-def _near(moved: Hypothesis | None, origin: Hypothesis) -> Hypothesis | None:
-    """What an alignment has made of a hypothesis, unless that is another place altogether."""
+def _near(
+    moved: Hypothesis | None, origin: Hypothesis, constants: AlignmentConstants
+) -> Hypothesis | None:
+    """Return an aligned hypothesis unless its shape has become another's."""
     if moved is None:
         return None
     linear, before = moved.far_from_near[:2, :2], origin.far_from_near[:2, :2]
     longer, shorter = np.linalg.svd(linear, compute_uv=False)
-    resized = math.sqrt(longer * shorter / abs(np.linalg.det(before)))
+    rescaled = math.sqrt(longer * shorter / abs(np.linalg.det(before)))
     same = (
         np.linalg.det(linear) > 0
-        and longer < MOST_FORESHORTENED * shorter
-        and 1 / MOST_RESIZED < resized < MOST_RESIZED
+        and longer < constants.most_foreshortened * shorter
+        and 1 / constants.most_rescaled < rescaled < constants.most_rescaled
     )
     return moved if same else None

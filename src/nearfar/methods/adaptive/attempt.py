@@ -1,4 +1,4 @@
-"""What an attempt to confirm a hypothesis gives."""
+"""Attempts: the model fitted to the matches under one hypothesis, and its significance."""
 
 import math
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates
+from nearfar.constants import DEFAULT, AcceptanceConstants
 from nearfar.estimators import Estimator
 from nearfar.methods.adaptive.zoom import Matched
 from nearfar.models import Estimate, Task
@@ -23,15 +24,15 @@ class Attempt:
         far: (N, 2) far points.
         near: (N, 2) near points.
         estimate: the model and its inliers.
-        evidence: decimal logarithm of the number of models as good as this one that chance would
-            give, given where the matches could have lain; infinite without a plausible model.
-        step: what it was found with.
+        log10_nfa: decimal logarithm of the number of false alarms, given where the matches could
+            have lain; infinite without a plausible model.
+        step: the step that found it.
     """
 
     far: Coordinates
     near: Coordinates
     estimate: Estimate
-    evidence: float
+    log10_nfa: float
     step: str
 
 
@@ -42,6 +43,7 @@ def attempt(
     far_size: tuple[int, int],
     step: str,
     chosen: NDArray[np.intp] | None = None,
+    constants: AcceptanceConstants = DEFAULT.acceptance,
 ) -> Attempt:
     """Fit the model to matches of some sets.
 
@@ -53,19 +55,20 @@ def attempt(
         step: what the matches were found with.
         chosen: (N,) which of the matches of all sets, in the order in which the estimator is to
             get them; None: all.
+        constants: of acceptance, for what is plausible.
     """
     order = slice(None) if chosen is None else chosen
     far = np.vstack([each.far for each in sets])[order]
     near = np.vstack([each.near for each in sets])[order]
     estimate = estimator.estimate(far, near, task)
     if estimate.far_from_near is None or not is_plausible(
-        estimate.far_from_near, task.model, near[estimate.inliers]
+        estimate.far_from_near, task.model, near[estimate.inliers], constants
     ):
         return Attempt(far, near, estimate, math.inf, step)
     whole = math.sqrt(far_size[0] * far_size[1])
     sides = [np.full(len(each.far), min(whole, 2 * each.radius)) for each in sets]
     side = float(np.concatenate(sides)[order].mean())
-    evidence = log10_false_alarms(
+    significance = log10_false_alarms(
         task.model,
         far[estimate.inliers],
         near[estimate.inliers],
@@ -73,4 +76,4 @@ def attempt(
         threshold=estimate.threshold,
         far_size=(side, side),
     )
-    return Attempt(far, near, estimate, evidence, step)
+    return Attempt(far, near, estimate, significance, step)

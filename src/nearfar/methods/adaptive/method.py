@@ -9,6 +9,7 @@ from cachetools import LRUCache
 from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
+from nearfar.constants import Constants
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import SettingsError
 from nearfar.estimators import ESTIMATORS
@@ -21,39 +22,15 @@ from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis
-from nearfar.methods.adaptive.search import Pyramid, enlarged, pyramid, search, templates
-from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, seen_from_aside
+from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
+from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, view_keypoints
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches
-from nearfar.methods.adaptive.zoom import Matched, matched_again, region
-from nearfar.methods.points import TUNED_THRESHOLD, tuned_estimator
+from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
+from nearfar.methods.points import tuned_estimator
 from nearfar.models import Answer, Task
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 from nearfar.verification.confidence import confidence
-
-CONTRAST = 0.02
-RATIO = 0.9
-"""Of the first step: those of `sift-tuned`."""
-LAX_RATIO = 0.97
-"""Where matches are ordered by their neighbours' support, more wrong ones do no harm."""
-STRONG = {"homography": -20.0, "fundamental": -30.0, "pose": -30.0}
-"""Evidence at which no further step is tried."""
-VOTED, SOUGHT = 10, 10
-"""Hypotheses by votes, and by each search, that are tried."""
-COMPARED, ALIGNED = 100, 20
-"""Hypotheses of each search that are aligned where none was right, and how many are then tried."""
-REACH, SECOND_REACH = 0.12, 0.05
-"""Gate of a hypothesis and of the model found with it, as a share of the region's diagonal."""
-PROMISING = 3.0
-"""Evidence of a model that is worth zooming in on."""
-REFINED, REFINEMENTS = -2.0, (0.03, 0.01)
-"""Evidence of a homography that is worth a last look, and the gates of these."""
-LOCAL_THRESHOLD, LOCAL_EVIDENCE = 3.0, -2.0
-"""In a scene with depth matches are taken over where a homography explains them so well."""
-MOST_ORDERED = 400
-"""Best matches that an epipolar model is fitted to."""
-PYRAMID_BYTES = 300_000_000
-"""Memory for the pyramids of the far images used last: one may take six times that of its image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +42,7 @@ class AdaptiveFeatures:
 
     @property
     def nbytes(self) -> int:
-        """Memory that the arrays take, in bytes."""
+        """Return the memory that the arrays take, in bytes."""
         return self.pixels.nbytes + self.keypoints.nbytes
 
     @property
@@ -84,6 +61,7 @@ class _Pair:
     timer: StageTimer
     nearest: tuple[Nearest, Nearest]
     deadline: float
+    constants: Constants
     sought: list[Hypothesis] = field(default_factory=list)
 
     @property
@@ -91,17 +69,20 @@ class _Pair:
         return time.perf_counter() > self.deadline
 
     def enough(self, best: Attempt) -> bool:
-        """Whether strong evidence speaks for an attempt, or the budget is spent."""
-        return best.evidence <= STRONG[self.task.model] or self.late
+        """Whether an attempt is significant enough to end the search, or the budget is spent."""
+        ladder = self.constants.ladder
+        homography = self.task.model == "homography"
+        sufficient = ladder.sufficient_homography if homography else ladder.sufficient_epipolar
+        return best.log10_nfa <= sufficient or self.late
 
 
 @METHODS.register("adaptive")
 class Adaptive:
-    """Matches points; where that is not enough, guesses where the near image lies and zooms in.
+    """Match points; where that fails, guess where the near image lies, zoom in and match again.
 
-    Guesses come from votes of matched points, from a search for the near image in a pyramid of
-    the far image's features, from its places made affine, and from simulated views; the cheapest
-    first.
+    Hypotheses come from votes of matched points, from a search for the near image in a feature
+    pyramid of the far image, from their affine alignment, and from simulated views; the cheapest
+    come first.
 
     Raises:
         SettingsError: the descriptor has no feature maps.
@@ -110,23 +91,25 @@ class Adaptive:
     uses_landmarks = True
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        self._settings = settings
+        self._settings, self._constants = settings, settings.constants
+        epipolar = self._constants.epipolar
         self._descriptor = _dense_descriptor(settings)
         self._estimator = tuned_estimator(settings)
         self._local = ESTIMATORS.create(
-            "magsac", settings.replace(inlier_threshold=LOCAL_THRESHOLD)
+            "magsac", settings.replace(inlier_threshold=epipolar.local_threshold)
         )
-        self._ordered = ESTIMATORS.create(
-            "prosac", settings.replace(inlier_threshold=TUNED_THRESHOLD)
-        )
+        threshold = self._constants.points.inlier_threshold
+        self._ordered = ESTIMATORS.create("prosac", settings.replace(inlier_threshold=threshold))
         self._pyramids: LRUCache[AdaptiveFeatures, Pyramid] = LRUCache(
-            PYRAMID_BYTES, lambda each: each.nbytes
+            self._constants.points.pyramid_bytes, lambda each: each.nbytes
         )
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> AdaptiveFeatures:
         """See `Method.extract`."""
         with timer.stage("points"):
-            return AdaptiveFeatures(pixels, detect_rootsift(pixels, CONTRAST))
+            return AdaptiveFeatures(
+                pixels, detect_rootsift(pixels, self._constants.points.contrast)
+            )
 
     def localize(
         self, far: AdaptiveFeatures, near: AdaptiveFeatures, task: Task, timer: StageTimer
@@ -135,8 +118,9 @@ class Adaptive:
         deadline = time.perf_counter() + self._settings.budget
         with timer.stage("point matching"):
             nearest = nearest_neighbours(far.keypoints, near.keypoints)
-            points = Matched.of(far.keypoints, near.keypoints, nearest, RATIO)
-        pair = _Pair(far, near, task, timer, nearest, deadline)
+            ratio = self._constants.points.ratio
+            points = Matched.of(far.keypoints, near.keypoints, nearest, ratio)
+        pair = _Pair(far, near, task, timer, nearest, deadline, self._constants)
         best = self._attempt(pair, [points], "points")
         if task.model == "homography":
             best = self._refined(pair, self._by_homography(pair, best))
@@ -147,29 +131,30 @@ class Adaptive:
             best.near,
             _landmarks(pair),
             best.estimate,
-            best.evidence,
-            confidence(task.model, best.evidence),
+            best.log10_nfa,
+            confidence(task.model, best.log10_nfa),
             best.step,
         )
 
     def _by_homography(self, pair: _Pair, best: Attempt) -> Attempt:
-        """The first hypothesis that strong evidence speaks for, or the best of all."""
+        """Return the first attempt that is significant enough, or the best of all."""
         for batch in self._hypotheses(pair, best):
             for hypothesis in batch:
                 if pair.enough(best):
                     break
-                best = min(best, self._try(pair, hypothesis), key=lambda each: each.evidence)
+                best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
             if pair.enough(best):  # Else the next batch is computed.
                 break
         return best
 
     def _try(self, pair: _Pair, hypothesis: Hypothesis) -> Attempt:
-        """Match under a hypothesis, and again under the model found so, where it is promising."""
-        found = self._attempt(pair, [self._match(pair, hypothesis, REACH)], hypothesis.source)
-        if found.evidence >= PROMISING or not self._zooms(hypothesis.source):
+        """Match under a hypothesis, and again under the model found if that is promising."""
+        zoom, promising = self._constants.zoom, self._constants.ladder.promising
+        found = self._attempt(pair, [self._match(pair, hypothesis, zoom.reach)], hypothesis.source)
+        if found.log10_nfa >= promising or not self._zooms(hypothesis.source):
             return found
-        again = self._again(pair, found, SECOND_REACH)
-        return min(found, again, key=lambda each: each.evidence)
+        again = self._again(pair, found, zoom.second_reach)
+        return min(found, again, key=lambda each: each.log10_nfa)
 
     def _again(self, pair: _Pair, found: Attempt, reach: float) -> Attempt:
         """Match under the model that an attempt found."""
@@ -177,41 +162,48 @@ class Adaptive:
         return self._attempt(pair, [self._match(pair, model, reach)], found.step)
 
     def _refined(self, pair: _Pair, best: Attempt) -> Attempt:
-        """More matches near those of a model that was found by zooming."""
-        if best.step == "points" or best.evidence > REFINED or not self._zooms(best.step):
+        """Refine a model that was found by zooming with narrower guided matching."""
+        refined = self._constants.ladder.refined
+        if best.step == "points" or best.log10_nfa > refined or not self._zooms(best.step):
             return best
-        for reach in REFINEMENTS:
+        for reach in self._constants.zoom.refinements:
             found = self._again(pair, best, reach)
             more = found.estimate.inliers.sum() >= best.estimate.inliers.sum()
-            if more and np.isfinite(found.evidence):
-                best = replace(found, evidence=min(best.evidence, found.evidence))
+            if more and np.isfinite(found.log10_nfa):
+                best = replace(found, log10_nfa=min(best.log10_nfa, found.log10_nfa))
         return best
 
     def _by_neighbours(self, pair: _Pair, best: Attempt) -> Attempt:
-        """All matches of all hypotheses together, ordered by the support of their neighbours."""
+        """Fit the model to matches of all hypotheses, ordered by their neighbours' support."""
         if pair.enough(best):
             return best
+        epipolar, reach = self._constants.epipolar, self._constants.zoom.reach
         far, near = pair.far.keypoints, pair.near.keypoints
-        sets = [Matched.of(far, near, pair.nearest, LAX_RATIO)]
+        sets = [Matched.of(far, near, pair.nearest, epipolar.lax_ratio)]
         support = [local_support(sets[0].tentative)]
         fitted = 0
         for batch in self._hypotheses(pair, best):
             if pair.late:
                 break
             for hypothesis in batch:
-                matched = self._match(pair, hypothesis, REACH)
+                matched = self._match(pair, hypothesis, reach)
                 with pair.timer.stage("estimation"):
                     local = attempt(
-                        [matched], Task("homography"), self._local, pair.far.size, hypothesis.source
+                        [matched],
+                        Task("homography"),
+                        self._local,
+                        pair.far.size,
+                        hypothesis.source,
+                        constants=self._constants.acceptance,
                     )
-                if local.evidence < LOCAL_EVIDENCE:
+                if local.log10_nfa < epipolar.local_significance:
                     sets.append(matched)
                     support.append(local_support(matched.tentative))
             if len(sets) > fitted:
                 fitted = len(sets)
                 step = batch[0].source if batch else best.step
                 pooled = self._pooled(pair, sets, support, step)
-                best = min(best, pooled, key=lambda each: each.evidence)
+                best = min(best, pooled, key=lambda each: each.log10_nfa)
             if pair.enough(best):  # Else the next batch is computed.
                 break
         return best
@@ -219,18 +211,24 @@ class Adaptive:
     def _pooled(
         self, pair: _Pair, sets: list[Matched], support: Sequence[NDArray[np.float64]], step: str
     ) -> Attempt:
-        """The model of the matches with most support, or of all, whichever has more evidence."""
+        """Fit the model to the best-supported matches and to all; return the more significant."""
+        most, plausible = self._constants.epipolar.most_ordered, self._constants.acceptance
         with pair.timer.stage("estimation"):
-            best_first = np.argsort(-np.concatenate(support), kind="stable")[:MOST_ORDERED]
-            ordered = attempt(sets, pair.task, self._ordered, pair.far.size, step, best_first)
-            every = attempt(sets, pair.task, self._estimator, pair.far.size, step)
-        found = min(ordered, every, key=lambda each: each.evidence)
-        _tell(pair.timer, found)
+            best_first = np.argsort(-np.concatenate(support), kind="stable")[:most]
+            ordered = attempt(
+                sets, pair.task, self._ordered, pair.far.size, step, best_first, plausible
+            )
+            every = attempt(
+                sets, pair.task, self._estimator, pair.far.size, step, constants=plausible
+            )
+        found = min(ordered, every, key=lambda each: each.log10_nfa)
+        _notify(pair.timer, found)
         return found
 
     def _hypotheses(self, pair: _Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
-        """Hypotheses in batches, those that cost least first; each is computed when asked for."""
+        """Yield hypotheses in batches, the cheapest first; each is computed when asked for."""
         far, near, timer = pair.far, pair.near, pair.timer
+        constants, ladder = self._constants, self._constants.ladder
         if pair.enough(best):
             return
         if pair.task.expected:
@@ -238,34 +236,45 @@ class Adaptive:
         if not self._may("landmarks"):
             return
         with timer.stage("votes"):
-            tentative = tentative_matches(far.keypoints, near.keypoints, *pair.nearest)
-            voted = hypotheses(tentative, VOTED, "votes")
-        yield voted[:2]
+            tentative = tentative_matches(
+                far.keypoints, near.keypoints, *pair.nearest, constants.votes
+            )
+            voted = hypotheses(tentative, ladder.from_votes, "votes")
+        yield voted[: ladder.votes_before_search]
         with timer.stage("landmark search"):
-            turned = templates(near.pixels, self._descriptor)
-            sought = search(self._pyramid(far), turned, near.size, COMPARED)
-        pair.sought.extend(sought[:SOUGHT])
-        yield sought[:SOUGHT]
-        yield voted[2:]
+            turned = templates(near.pixels, self._descriptor, constants.search)
+            sought = self._search(pair, self._pyramid(far), turned)
+        yield sought[: ladder.from_search]
+        yield voted[ladder.votes_before_search :]
         with timer.stage("landmark search"):
-            larger = enlarged(self._pyramid(far), far.pixels, self._descriptor)
-            smallest = search(larger, turned, near.size, COMPARED)
-        pair.sought.extend(smallest[:SOUGHT])
-        yield smallest[:SOUGHT]
+            larger = upsampled(self._pyramid(far), far.pixels, self._descriptor, constants.search)
+            smallest = self._search(pair, larger, turned)
+        yield smallest[: ladder.from_search]
         if pair.task.model != "homography" or not self._may("views"):
             return
         with timer.stage("alignment"):
             features = self._pyramid(far)
             both = [*sought, *smallest]
-            affine = align(far.pixels, near.pixels, both, self._descriptor, features)
-        yield affine[:ALIGNED]
+            affine = align(
+                far.pixels, near.pixels, both, self._descriptor, features, constants.alignment
+            )
+        yield affine[: ladder.from_alignment]
         seen: list[tuple[Keypoints, Keypoints]] = []
         for views in ALL_AROUND:
             with timer.stage("views"):
-                aside = seen_from_aside(far.pixels, views), seen_from_aside(near.pixels, views)
-                seen.append(aside)
-                found = from_views(seen, self._local)
+                both_seen = [
+                    view_keypoints(each.pixels, views, constants.views) for each in (far, near)
+                ]
+                seen.append((both_seen[0], both_seen[1]))
+                found = from_views(seen, self._local, constants.views)
             yield found
+
+    def _search(self, pair: _Pair, far: Pyramid, turned: list[Template]) -> list[Hypothesis]:
+        """Search a pyramid; the best places are kept as matched landmarks."""
+        ladder = self._constants.ladder
+        found = search(far, turned, pair.near.size, ladder.aligned, self._constants.search)
+        pair.sought.extend(found[: ladder.from_search])
+        return found
 
     def _may(self, effort: str) -> bool:
         return EFFORTS.index(effort) <= EFFORTS.index(self._settings.max_effort)
@@ -275,40 +284,48 @@ class Adaptive:
         return source == "expected" or self._may("zoom")
 
     def _match(self, pair: _Pair, hypothesis: Hypothesis, reach: float) -> Matched:
-        """Matches under a hypothesis: of new keypoints, or where zooming is off of the old ones."""
+        """Match under a hypothesis: new keypoints, or the old ones where zooming is off."""
+        zoom = self._constants.zoom
         with pair.timer.stage("zoom"):
             if not self._zooms(hypothesis.source):
-                return matched_again(
-                    pair.far.keypoints, pair.near.keypoints, hypothesis.far_from_near, reach
+                return guided_matches(
+                    pair.far.keypoints, pair.near.keypoints, hypothesis.far_from_near, reach, zoom
                 )
-            seen = region(pair.far.pixels, pair.near.pixels, hypothesis.far_from_near)
+            seen = region(pair.far.pixels, pair.near.pixels, hypothesis.far_from_near, zoom)
             return Matched.none() if seen is None else seen.matches(reach)
 
     def _attempt(self, pair: _Pair, sets: list[Matched], step: str) -> Attempt:
         with pair.timer.stage("estimation"):
-            found = attempt(sets, pair.task, self._estimator, pair.far.size, step)
-        _tell(pair.timer, found)
+            found = attempt(
+                sets,
+                pair.task,
+                self._estimator,
+                pair.far.size,
+                step,
+                constants=self._constants.acceptance,
+            )
+        _notify(pair.timer, found)
         return found
 
     def _pyramid(self, features: AdaptiveFeatures) -> Pyramid:
         found = self._pyramids.get(features)
         if found is None:
-            found = pyramid(features.pixels, self._descriptor)
-            if found.nbytes <= PYRAMID_BYTES:
+            found = pyramid(features.pixels, self._descriptor, self._constants.search)
+            if found.nbytes <= self._pyramids.maxsize:
                 self._pyramids[features] = found
         return found
 
 
-def _tell(timer: StageTimer, tried: Attempt) -> None:
-    """Tell who watches of an attempt."""
+def _notify(timer: StageTimer, tried: Attempt) -> None:
+    """Tell the watcher, if any, of an attempt."""
     if timer.watcher is not None:
         timer.watcher.on_attempt(
-            tried.step, tried.far, tried.near, tried.estimate.inliers, tried.evidence
+            tried.step, tried.far, tried.near, tried.estimate.inliers, tried.log10_nfa
         )
 
 
 def _landmarks(pair: _Pair) -> LandmarkMatches:
-    """The near image, a landmark as a whole, and the boxes where the search found it."""
+    """Return the near image as one landmark, with the boxes where the search found it."""
     width, height = pair.near.size
     boxes = []
     for hypothesis in pair.sought:

@@ -14,33 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.constants import DEFAULT, SearchConstants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.features.feature_map import FeatureMap
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
-from nearfar.methods.adaptive.zoom import scaled
 
-TEMPLATE_SIDE = 96
-"""The near image is reduced to this longest side, in pixels."""
-DIMENSIONS = 64
-"""Principal components that are kept of the features."""
-MOST_CELLS = 2000
-"""Cells from which they are computed, at most twice as many."""
-ANGLES = tuple(22.5 * turn for turn in range(16))
-"""Rotations of the template, in degrees."""
-LARGEST, SMALLEST, STEP = 1.6, 0.1, 2 ** (1 / 3)
-"""Scales of the far image's pyramid."""
-MOST_PIXELS = 3_000_000
-"""Of a level."""
-LARGEST_ENLARGED, MOST_PIXELS_ENLARGED = 3.2, 12_000_000
-"""The same of the levels above, for what is only a few dozen pixels large in the far image."""
-BAND_PIXELS, BAND_MARGIN = 3_300_000, 64
-"""Levels are described in bands of so many pixels and so many more rows at both sides, which bounds
-the memory of the network."""
-APART = 0.25
-"""Peaks closer than this share of the template's diagonal, at nearly the same scale and rotation,
-are one."""
+BAND_PIXELS = 3_300_000
+"""Pixels of a band in which a level is described, which bounds the network's memory."""
+BAND_MARGIN = 64
+"""Rows around a band that its features see, in pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,22 +80,32 @@ class Template:
     template_from_near: Matrix3
 
 
-def pyramid(pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
-    """The feature maps of an image at many scales; none for an image of a few pixels."""
-    scales = _scales(*pixels.shape[:2])
-    mean, basis = _principal_components(pixels, scales[len(scales) // 2], descriptor)
+def pyramid(
+    pixels: RGBPixels, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
+) -> Pyramid:
+    """Return the feature maps of an image at many scales; none for an image of a few pixels."""
+    height, width = pixels.shape[:2]
+    scales = _scales(height, width, constants)
+    middle = scales[len(scales) // 2]
+    mean, basis = _principal_components(pixels, middle, descriptor, constants)
     used = scales if basis.size else []
     levels = [_level(pixels, scale, descriptor, basis) for scale in used]
     return Pyramid(levels, mean, basis)
 
 
-def enlarged(base: Pyramid, pixels: RGBPixels, descriptor: DenseDescriptor) -> Pyramid:
-    """The levels above those of an image's pyramid, of which each costs more than all of that."""
+def upsampled(
+    base: Pyramid,
+    pixels: RGBPixels,
+    descriptor: DenseDescriptor,
+    constants: SearchConstants = DEFAULT.search,
+) -> Pyramid:
+    """Return the upsampled levels of an image's pyramid; each costs more than that whole one."""
     height, width = pixels.shape[:2]
-    first = _scales(height, width)[0]
-    largest = min(LARGEST_ENLARGED, math.sqrt(MOST_PIXELS_ENLARGED / (height * width)))
-    steps = range(1, 1 + math.floor(math.log(largest / first, STEP) + 1e-6)) if base.levels else ()
-    levels = [_level(pixels, first * STEP**step, descriptor, base.basis) for step in steps]
+    first, ratio = _scales(height, width, constants)[0], _level_ratio(constants)
+    most = math.sqrt(constants.most_enlarged_pixels / (height * width))
+    largest = min(constants.largest_enlarged, most)
+    steps = range(1, 1 + math.floor(math.log(largest / first, ratio) + 1e-6)) if base.levels else ()
+    levels = [_level(pixels, first * ratio**step, descriptor, base.basis) for step in steps]
     return replace(base, levels=levels)
 
 
@@ -124,33 +119,39 @@ def _level(
 
 
 def _principal_components(
-    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor
+    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor, constants: SearchConstants
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Mean and leading principal components of the features at one scale."""
+    """Return mean and leading principal components of the features at one scale."""
     values = _features(pixels, scale, descriptor)[1].values
     flat = values.reshape(-1, values.shape[-1])
     mean = flat.mean(axis=0)
     _, _, components = np.linalg.svd(
-        flat[:: max(1, len(flat) // MOST_CELLS)] - mean, full_matrices=False
+        flat[:: max(1, len(flat) // constants.most_cells)] - mean, full_matrices=False
     )
-    return mean, np.ascontiguousarray(components[:DIMENSIONS].T)
+    return mean, np.ascontiguousarray(components[: constants.dimensions].T)
 
 
-def _scales(height: int, width: int) -> list[float]:
-    """Scales of the levels, the largest first: at least one."""
-    largest = min(LARGEST, math.sqrt(MOST_PIXELS / (height * width)))
-    least = max(SMALLEST, TEMPLATE_SIDE / 2 / max(height, width))
-    count = max(1, 1 + math.floor(math.log(largest / least, STEP)))
-    return [largest / STEP**index for index in range(count)]
+def _scales(height: int, width: int, constants: SearchConstants) -> list[float]:
+    """Return the scales of the levels, the largest first: at least one."""
+    most = math.sqrt(constants.most_pixels / (height * width))
+    largest = min(constants.largest_scale, most)
+    least = max(constants.smallest_scale, constants.template_side / 2 / max(height, width))
+    ratio = _level_ratio(constants)
+    count = max(1, 1 + math.floor(math.log(largest / least, ratio)))
+    return [largest / ratio**index for index in range(count)]
+
+
+def _level_ratio(constants: SearchConstants) -> float:
+    return float(2 ** (1 / constants.levels_per_octave))
 
 
 def _features(
     pixels: RGBPixels, scale: float, descriptor: DenseDescriptor
 ) -> tuple[Matrix3, FeatureMap]:
-    resized, matrix = scaled(pixels, scale)
-    height, width = resized.shape[:2]
+    seen, matrix = resized(pixels, scale)
+    height, width = seen.shape[:2]
     rows = max(BAND_MARGIN, BAND_PIXELS // width // BAND_MARGIN * BAND_MARGIN)
-    bands = [_band(resized, start, rows, descriptor) for start in range(0, height, rows)]
+    bands = [_band(seen, start, rows, descriptor) for start in range(0, height, rows)]
     return matrix, replace(bands[0], values=np.concatenate([each.values for each in bands]))
 
 
@@ -163,44 +164,57 @@ def _band(pixels: RGBPixels, start: int, rows: int, descriptor: DenseDescriptor)
     return replace(features, values=features.values[first:end])
 
 
-def templates(pixels: RGBPixels, descriptor: DenseDescriptor) -> list[Template]:
-    """The reduced image as a template, in every rotation."""
-    reduced, matrix = scaled(pixels, TEMPLATE_SIDE / max(pixels.shape[:2]))
-    return [_template(reduced, matrix, angle, descriptor) for angle in ANGLES]
+def templates(
+    pixels: RGBPixels, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
+) -> list[Template]:
+    """Return the reduced image as a template, in every rotation."""
+    reduced, matrix = resized(pixels, constants.template_side / max(pixels.shape[:2]))
+    turns = constants.turns
+    angles = [360 / turns * turn for turn in range(turns)]
+    return [_template(reduced, matrix, angle, descriptor) for angle in angles]
 
 
 def search(
-    far: Pyramid, sought: list[Template], near_size: tuple[int, int], most: int
+    far: Pyramid,
+    sought: list[Template],
+    near_size: tuple[int, int],
+    most: int,
+    constants: SearchConstants = DEFAULT.search,
 ) -> list[Hypothesis]:
-    """The best places, scales and rotations of the near image, best first.
+    """Return the best places, scales and rotations of the near image, best first.
 
     Args:
         far: of the far image.
         sought: of the near image.
         near_size: its width and height.
         most: how many.
+        constants: of the search.
     """
     vectors = [(template, unit((template.vectors - far.mean) @ far.basis)) for template in sought]
     peaks = [peak for level in far.levels for peak in _peaks(level, vectors, most)]
     peaks.sort(key=lambda each: -each.support)
-    return distinct(peaks, near_size, most)
+    return distinct(peaks, near_size, most, constants)
 
 
 def distinct(
-    sorted_hypotheses: Sequence[Hypothesis], near_size: tuple[int, int], most: int
+    sorted_hypotheses: Sequence[Hypothesis],
+    near_size: tuple[int, int],
+    most: int,
+    constants: SearchConstants = DEFAULT.search,
 ) -> list[Hypothesis]:
-    """The first hypotheses that are at another place, scale or rotation than those before.
+    """Return the first hypotheses that are at another place, scale or rotation than those before.
 
     Args:
         sorted_hypotheses: affine transforms, best first.
         near_size: width and height of the near image.
         most: how many.
+        constants: of the search.
     """
     found: list[Hypothesis] = []
     for hypothesis in sorted_hypotheses:
         if len(found) == most:
             break
-        if not any(_same(hypothesis, other, near_size) for other in found):
+        if not any(_same(hypothesis, other, near_size, constants) for other in found):
             found.append(hypothesis)
     return found
 
@@ -279,7 +293,9 @@ def unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.maximum(length, 1e-6), np.float32)
 
 
-def _same(one: Hypothesis, other: Hypothesis, near_size: tuple[int, int]) -> bool:
+def _same(
+    one: Hypothesis, other: Hypothesis, near_size: tuple[int, int], constants: SearchConstants
+) -> bool:
     width, height = near_size
     centre = [(width - 1) / 2, (height - 1) / 2, 1.0]
     first, second = one.far_from_near[:2], other.far_from_near[:2]
@@ -288,7 +304,7 @@ def _same(one: Hypothesis, other: Hypothesis, near_size: tuple[int, int]) -> boo
     turned = math.atan2(first[1, 0], first[0, 0]) - math.atan2(second[1, 0], second[0, 0])
     away = float(np.hypot(*(first @ centre - second @ centre)))
     return (
-        away < APART * scale * math.hypot(width, height)
-        and abs(math.log(ratio)) < math.log(1.5)
-        and math.cos(turned) > math.cos(math.radians(30))
+        away < constants.peak_distance * scale * math.hypot(width, height)
+        and abs(math.log(ratio)) < math.log(constants.peak_scale)
+        and math.cos(turned) > math.cos(math.radians(constants.peak_angle))
     )

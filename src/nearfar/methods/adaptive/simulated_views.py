@@ -1,4 +1,4 @@
-"""View simulation (Morel and Yu, 2009): images as they would look from aside, and their matches."""
+"""View simulation (Morel and Yu, 2009): tilted views of an image, and their matches."""
 
 import math
 from collections.abc import Sequence
@@ -8,19 +8,21 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.constants import DEFAULT, ViewConstants
 from nearfar.estimators import Estimator
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_fginn, one_match_per_cell
 from nearfar.geometry.homography import outline, transform, translation
+from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
-from nearfar.methods.adaptive.zoom import inside, scaled
+from nearfar.methods.adaptive.zoom import inside
 from nearfar.models import Task
 
 
 @dataclass(frozen=True)
 class View:
-    """A view from aside.
+    """A tilted view.
 
     Attributes:
         tilt: factor by which the image is shortened, 1 for the frontal view.
@@ -45,17 +47,6 @@ ALL_AROUND = (
 )
 """Views of an image, and those that are added where they do not suffice; tilts and axes are nearly
 those of ASIFT (Morel and Yu, 2009)."""
-
-LONGEST_SIDE = 640
-"""Images are reduced to this before views of them are simulated, in pixels."""
-CONTRAST = 0.02
-POINTS_PER_VIEW = 800
-"""Keypoints of a view, those of the highest contrast."""
-RATIO = 0.85
-FGINN_RADIUS = 10.0
-"""Points this close together, in pixels, are one point seen in several views."""
-CELL = 2.0
-"""Side of the cells of which each gives one match, in pixels."""
 
 
 def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixels, Matrix3]:
@@ -97,14 +88,17 @@ def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
     return np.asarray(cv2.filter2D(pixels, -1, kernel / kernel.sum()))
 
 
-def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Keypoints:
-    """The keypoints of all views of an image together, at their places in the image itself."""
-    small, small_from_image = scaled(pixels, min(1.0, LONGEST_SIDE / max(pixels.shape[:2])))
+def view_keypoints(
+    pixels: RGBPixels, views: Sequence[View], constants: ViewConstants = DEFAULT.views
+) -> Keypoints:
+    """Return the keypoints of all simulated views of an image, in pixels of the image itself."""
+    factor = min(1.0, constants.longest_side / max(pixels.shape[:2]))
+    small, small_from_image = resized(pixels, factor)
     found = []
     for view in views:
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
-        points = detect_rootsift(seen, CONTRAST, POINTS_PER_VIEW)
+        points = detect_rootsift(seen, constants.contrast, constants.points_per_view)
         points = inside(points, view_from_image, pixels)
         places = transform(np.linalg.inv(view_from_image), points.xy)
         found.append(replace(points, xy=places))
@@ -112,17 +106,20 @@ def seen_from_aside(pixels: RGBPixels, views: Sequence[View]) -> Keypoints:
 
 
 def from_views(
-    seen: Sequence[tuple[Keypoints, Keypoints]], estimator: Estimator
+    seen: Sequence[tuple[Keypoints, Keypoints]],
+    estimator: Estimator,
+    constants: ViewConstants = DEFAULT.views,
 ) -> list[Hypothesis]:
-    """The homography that most matches between views of both images agree on.
+    """Return the homography that most matches between views of both images agree on.
 
     Args:
         seen: keypoints of views of the far and of the near image, of one set of views or several.
         estimator: of the homography.
+        constants: of the simulated views.
     """
     far, near = (Keypoints.concatenated(side) for side in zip(*seen, strict=True))
-    pairs = match_fginn(far, near, RATIO, FGINN_RADIUS)
-    pairs = one_match_per_cell(far, near, pairs, CELL)
+    pairs = match_fginn(far, near, constants.ratio, constants.fginn_radius)
+    pairs = one_match_per_cell(far, near, pairs, constants.cell)
     fitted = estimator.estimate(far.xy[pairs[:, 0]], near.xy[pairs[:, 1]], Task("homography"))
     if fitted.far_from_near is None:
         return []

@@ -4,33 +4,17 @@ Each match of two keypoints tells a place, a scale and a rotation (Lowe, 2004). 
 something else each time, so that a handful of agreeing ones stands out even where most are wrong.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, IndexPairs, Mask
+from nearfar.constants import DEFAULT, VoteConstants
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import Nearest, first_of_each_cell
 from nearfar.methods.adaptive.hypothesis import Hypothesis
-
-MOST_MATCHES = 3000
-LEAST_WEIGHT = 0.08
-"""A match weighs 1 minus the squared ratio of its distance to that of the second nearest."""
-SEEDS = 300
-"""So many of the most distinctive matches propose transforms."""
-SCALE_TOLERANCE = 1.6
-ANGLE_TOLERANCE = np.radians(30)
-LEAST_TOLERANCE = 8.0
-"""Far pixels by which two agreeing matches may disagree, where they are close together..."""
-DISTANCE_TOLERANCE = 0.25
-"""...and the share of their distance that is added to it."""
-LEAST_SUPPORTERS = 3
-CELL = 3.0
-"""Matches whose points share a cell of this side, in pixels, count once."""
-NEIGHBOURHOOD = 150.0
-"""Matches support each other within this distance, in near pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +27,7 @@ class Tentative:
         scale: (N,) size of the far over that of the near keypoint.
         angle: (N,) orientation of the far minus that of the near keypoint, radians.
         weight: (N,) 0 to 1, how distinctive.
+        constants: of the votes.
     """
 
     far: Coordinates
@@ -50,6 +35,7 @@ class Tentative:
     scale: NDArray[np.float64]
     angle: NDArray[np.float64]
     weight: NDArray[np.float64]
+    constants: VoteConstants = DEFAULT.votes
 
     def __len__(self) -> int:
         return len(self.weight)
@@ -61,14 +47,24 @@ class Tentative:
         sin = self.scale[seed] * np.sin(self.angle[seed])
         away_far = away_near @ np.array([[cos, sin], [-sin, cos]])
         apart = np.hypot(*(self.far - self.far[seed] - away_far).T)
-        tolerance = LEAST_TOLERANCE + DISTANCE_TOLERANCE * np.hypot(*away_far.T)
-        scaled = np.abs(np.log(self.scale / self.scale[seed])) < np.log(SCALE_TOLERANCE)
-        turned = np.cos(self.angle - self.angle[seed]) > np.cos(ANGLE_TOLERANCE)
+        tolerance = self.constants.least_tolerance + self.constants.distance_tolerance * np.hypot(
+            *away_far.T
+        )
+        scaled = np.abs(np.log(self.scale / self.scale[seed])) < np.log(
+            self.constants.scale_tolerance
+        )
+        turned = np.cos(self.angle - self.angle[seed]) > np.cos(
+            np.radians(self.constants.angle_tolerance)
+        )
         return np.asarray((apart < tolerance) & scaled & turned)
 
 
 def tentative_matches(
-    far: Keypoints, near: Keypoints, of_far: Nearest, of_near: Nearest
+    far: Keypoints,
+    near: Keypoints,
+    of_far: Nearest,
+    of_near: Nearest,
+    constants: VoteConstants = DEFAULT.votes,
 ) -> Tentative:
     """The nearest near keypoint of every far one and the reverse, the most distinctive of them.
 
@@ -77,6 +73,7 @@ def tentative_matches(
         near: keypoints of the near image.
         of_far: nearest near keypoint of each far one.
         of_near: nearest far keypoint of each near one.
+        constants: of the votes.
     """
     pairs, weights = [], []
     for side, found in enumerate((of_far, of_near)):
@@ -86,10 +83,10 @@ def tentative_matches(
         ratio = found.distance[own] / np.maximum(found.second[own], 1e-9)
         weights.append(1 - np.minimum(ratio, 1).astype(np.float64))
     every, weight = np.vstack(pairs), np.concatenate(weights)
-    best = np.argsort(-weight, kind="stable")[:MOST_MATCHES]
-    best = best[weight[best] > LEAST_WEIGHT]
+    best = np.argsort(-weight, kind="stable")[: constants.most_matches]
+    best = best[weight[best] > constants.least_weight]
     distinct, first = np.unique(every[best], axis=0, return_index=True)
-    return matches_of(far, near, distinct, weight[best][first])
+    return replace(matches_of(far, near, distinct, weight[best][first]), constants=constants)
 
 
 def matches_of(
@@ -109,7 +106,8 @@ def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
         most: how many.
         source: what to call where they come from.
     """
-    seeds = np.argsort(-matches.weight, kind="stable")[:SEEDS]
+    constants = matches.constants
+    seeds = np.argsort(-matches.weight, kind="stable")[: constants.seeds]
     agreeing = np.array([matches.agreeing(seed) for seed in seeds], np.bool_)
     weight = matches.weight.copy()
     found: list[Hypothesis] = []
@@ -120,17 +118,17 @@ def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
         supporters = np.flatnonzero(agreeing[best] & (weight > 0))
         supporters = supporters[np.argsort(-weight[supporters], kind="stable")]
         places = matches.far[supporters], matches.near[supporters]
-        supporters = supporters[first_of_each_cell(*places, CELL)]
+        supporters = supporters[first_of_each_cell(*places, constants.cell)]
         weight[agreeing[best]] = 0
         if len(supporters) == 0:
             break
-        if len(supporters) < LEAST_SUPPORTERS:
+        if len(supporters) < constants.least_supporters:
             continue
         similarity, _ = cv2.estimateAffinePartial2D(
             matches.near[supporters],
             matches.far[supporters],
             method=cv2.RANSAC,
-            ransacReprojThreshold=LEAST_TOLERANCE,
+            ransacReprojThreshold=constants.least_tolerance,
         )
         if similarity is not None and np.isfinite(similarity).all():
             support = float(matches.weight[supporters].sum())
@@ -146,6 +144,6 @@ def local_support(matches: Tentative) -> NDArray[np.float64]:
     """
     support = np.empty(len(matches))
     for seed in range(len(matches)):
-        near_by = np.hypot(*(matches.near - matches.near[seed]).T) < NEIGHBOURHOOD
+        near_by = np.hypot(*(matches.near - matches.near[seed]).T) < matches.constants.neighbourhood
         support[seed] = matches.weight[near_by & matches.agreeing(seed)].sum()
     return support

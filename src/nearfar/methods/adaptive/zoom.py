@@ -3,29 +3,17 @@
 import functools
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
+from nearfar.constants import DEFAULT, ZoomConstants
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.guided import Gate, nearest_within
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import Nearest, mutual_by_ratio
-from nearfar.geometry.homography import scaling, transform, translation
+from nearfar.geometry.homography import local_scale, scaling, transform, translation
+from nearfar.imaging.warp import warped
 from nearfar.methods.adaptive.votes import Tentative, matches_of
-
-CONTRAST = 0.01
-RATIO = 0.9
-MOST_POINTS = 2000
-SIZE_TOLERANCE = 1.7
-ANGLE_TOLERANCE = np.radians(40)
-LONGEST_SIDE = 640.0
-"""Of a frame, in pixels."""
-MOST_ENLARGED = 4.0
-MARGIN = 0.15
-"""Of the far region around the expected one, as a share of its longest side."""
-LEAST_SIDE = 8
-LEAST_RADIUS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +78,7 @@ class Region:
         frame_from_far: enlarges and shifts.
         frame_from_near: the hypothesis after that.
         size: width and height of the frame.
+        constants: of the guided matching.
     """
 
     far_pixels: RGBPixels
@@ -97,14 +86,13 @@ class Region:
     frame_from_far: Matrix3
     frame_from_near: Matrix3
     size: tuple[int, int]
+    constants: ZoomConstants
 
     @functools.cached_property
     def far_points(self) -> Keypoints:
         """Keypoints of the far image in the frame."""
         seen = warped(self.far_pixels, self.frame_from_far, self.size)
-        return inside(
-            detect_rootsift(seen, CONTRAST, MOST_POINTS), self.frame_from_far, self.far_pixels
-        )
+        return self._keypoints(seen, self.frame_from_far, self.far_pixels)
 
     @functools.cached_property
     def near_seen(self) -> RGBPixels:
@@ -117,13 +105,9 @@ class Region:
         Args:
             reach: how far from the expected place, as a share of the frame's diagonal.
         """
-        near = detect_rootsift(self.near_seen, CONTRAST, MOST_POINTS)
-        near = inside(near, self.frame_from_near, self.near_pixels)
-        radius = max(reach * float(np.hypot(*self.size)), LEAST_RADIUS)
-        gate = Gate(radius, SIZE_TOLERANCE, ANGLE_TOLERANCE)
-        found = Matched.of(
-            self.far_points, near, nearest_within(self.far_points, near, gate), RATIO
-        )
+        near = self._keypoints(self.near_seen, self.frame_from_near, self.near_pixels)
+        radius = max(reach * float(np.hypot(*self.size)), self.constants.least_reach)
+        found = _matched_within(radius, self.far_points, near, self.constants)
         return Matched(
             transform(np.linalg.inv(self.frame_from_far), found.far),
             transform(np.linalg.inv(self.frame_from_near), found.near),
@@ -131,14 +115,27 @@ class Region:
             found.tentative,
         )
 
+    def _keypoints(
+        self, seen: RGBPixels, frame_from_image: Matrix3, pixels: RGBPixels
+    ) -> Keypoints:
+        """Detect keypoints in the frame, those on the image alone."""
+        found = detect_rootsift(seen, self.constants.contrast, self.constants.most_points)
+        return inside(found, frame_from_image, pixels)
 
-def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | None:
+
+def region(
+    far: RGBPixels,
+    near: RGBPixels,
+    far_from_near: Matrix3,
+    constants: ZoomConstants = DEFAULT.zoom,
+) -> Region | None:
     """The region that both images show under a hypothesis; None where there is none.
 
     Args:
         far: the far image.
         near: the near image.
         far_from_near: the hypothesis.
+        constants: of the guided matching.
     """
     height, width = near.shape[:2]
     far_height, far_width = far.shape[:2]
@@ -149,24 +146,32 @@ def region(far: RGBPixels, near: RGBPixels, far_from_near: Matrix3) -> Region | 
         return None
     mapped = transform(far_from_near, grid[in_front])
     low, high = mapped.min(axis=0), mapped.max(axis=0)
-    border = MARGIN * (high - low).max()
+    border = constants.margin * (high - low).max()
     low = np.maximum(low - border, -0.5)
     high = np.minimum(high + border, [far_width - 0.5, far_height - 0.5])
     extent = high - low
-    if (extent < LEAST_SIDE).any():
+    if (extent < constants.least_side).any():
         return None
     middle = transform(np.linalg.inv(far_from_near), (low + high)[np.newaxis] / 2)[0]
     scale = local_scale(far_from_near, middle)
     if not (np.isfinite(scale) and scale > 0):
         return None
-    enlarged = min(max(1 / scale, 1.0), MOST_ENLARGED, LONGEST_SIDE / extent.max())
+    enlarged = min(
+        max(1 / scale, 1.0), constants.most_enlarged, constants.longest_side / extent.max()
+    )
     frame_from_far = scaling(enlarged, enlarged) @ translation(*(-low - 0.5))
     frame_width, frame_height = np.ceil(extent * enlarged).astype(int)
     size = int(frame_width), int(frame_height)
-    return Region(far, near, frame_from_far, frame_from_far @ far_from_near, size)
+    return Region(far, near, frame_from_far, frame_from_far @ far_from_near, size, constants)
 
 
-def matched_again(far: Keypoints, near: Keypoints, far_from_near: Matrix3, reach: float) -> Matched:
+def guided_matches(
+    far: Keypoints,
+    near: Keypoints,
+    far_from_near: Matrix3,
+    reach: float,
+    constants: ZoomConstants = DEFAULT.zoom,
+) -> Matched:
     """The keypoints of the whole images that match within the gate of a hypothesis.
 
     Args:
@@ -174,45 +179,25 @@ def matched_again(far: Keypoints, near: Keypoints, far_from_near: Matrix3, reach
         near: keypoints of the near image.
         far_from_near: a similarity transform.
         reach: how far from the expected place, as a share of the extent of the near keypoints.
+        constants: of the guided matching.
     """
     scale = local_scale(far_from_near, np.zeros(2))
     turn = np.arctan2(far_from_near[1, 0], far_from_near[0, 0])
     xy = transform(far_from_near, near.xy)
     extent = float(np.hypot(*np.ptp(xy, axis=0))) if len(xy) else 0.0
-    radius = max(reach * extent, LEAST_RADIUS)
+    radius = max(reach * extent, constants.least_reach)
     moved = replace(near, xy=xy, scale=scale * near.scale, angle=near.angle + turn)
-    gate = Gate(radius, SIZE_TOLERANCE, ANGLE_TOLERANCE)
-    found = Matched.of(far, moved, nearest_within(far, moved, gate), RATIO)
+    found = _matched_within(radius, far, moved, constants)
     own = transform(np.linalg.inv(far_from_near), found.near)
     return Matched(found.far, own, radius, found.tentative)
 
 
-def local_scale(matrix: Matrix3, at: Coordinates) -> float:
-    """Factor by which a homography enlarges lengths at a point, the mean of all directions."""
-    depth = float(matrix[2] @ [*at, 1.0])
-    return float(np.sqrt(abs(np.linalg.det(matrix) / depth**3))) if depth else np.inf
-
-
-def warped(pixels: RGBPixels, matrix: Matrix3, size: tuple[int, int]) -> RGBPixels:
-    """The image in a frame, reduced by area first where the frame shows it smaller."""
-    middle = transform(np.linalg.inv(matrix), (np.array([size]) - 1) / 2)[0]
-    scale = local_scale(matrix, middle)
-    if np.isfinite(scale) and scale < 0.75:
-        pixels, reduced_from_image = scaled(pixels, scale)
-        matrix = matrix @ np.linalg.inv(reduced_from_image)
-    seen = cv2.warpPerspective(
-        pixels, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101
-    )
-    return np.asarray(seen)
-
-
-def scaled(pixels: RGBPixels, factor: float) -> tuple[RGBPixels, Matrix3]:
-    """The image resized, and the transform from its pixels to the resized ones."""
-    height, width = pixels.shape[:2]
-    size = max(16, round(width * factor)), max(16, round(height * factor))
-    mode = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    matrix = scaling(size[0] / width, size[1] / height)
-    return np.asarray(cv2.resize(pixels, size, interpolation=mode)), matrix
+def _matched_within(
+    radius: float, far: Keypoints, near: Keypoints, constants: ZoomConstants
+) -> Matched:
+    """Match keypoints in one frame that differ little in position, size and orientation."""
+    gate = Gate(radius, constants.size_tolerance, np.radians(constants.angle_tolerance))
+    return Matched.of(far, near, nearest_within(far, near, gate), constants.ratio)
 
 
 def _grid(width: int, height: int) -> Coordinates:

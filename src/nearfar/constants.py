@@ -1,0 +1,247 @@
+"""The constants of each step: what its behaviour hangs on and no user has reason to change.
+
+A value without a measurement in its text was set once and never varied.
+"""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+DIGEST_OF_0_1_0 = "e8eccb9b0d39"
+"""`Constants.digest` of the values that version 0.1.0 had; its results do not record it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointConstants:
+    """First step of the adaptive method: SIFT keypoints all over both images."""
+
+    contrast: float = field(default=0.02, metadata={"changes_features": True})
+    """SIFT's contrast threshold: best of a grid on the development data, as in `sift-tuned`."""
+    ratio: float = 0.9
+    """Ratio test: best of the same grid."""
+    inlier_threshold: float = 1.0
+    """Largest error of an inlier, in pixels; best of the same grid. The tuned methods use it."""
+    pyramid_bytes: int = 300_000_000
+    """Memory for the pyramids of the latest far images; one may take six times its image's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LadderConstants:
+    """When the adaptive method stops, and how many hypotheses of each source it tries.
+
+    Significance is the decimal logarithm of the number of false alarms: less is better.
+    """
+
+    sufficient_homography: float = -20.0
+    """Significance of a homography at which no further step is tried."""
+    sufficient_epipolar: float = -30.0
+    """Significance of a fundamental matrix or a pose at which no further step is tried."""
+    from_votes: int = 10
+    """Hypotheses from votes that are tried."""
+    votes_before_search: int = 2
+    """Hypotheses from votes that are tried before the landmark search."""
+    from_search: int = 10
+    """Hypotheses from each landmark search that are tried as they are."""
+    aligned: int = 100
+    """Hypotheses from each landmark search that are aligned where no earlier one was accepted."""
+    from_alignment: int = 20
+    """Aligned hypotheses that are tried."""
+    promising: float = 3.0
+    """Significance below which a model is worth a second, narrower guided matching."""
+    refined: float = -2.0
+    """Significance up to which the best homography is refined."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpipolarConstants:
+    """Fitting of fundamental matrices and poses to the matches of all hypotheses together."""
+
+    lax_ratio: float = 0.97
+    """Ratio test of matches that are ordered by their neighbours' support."""
+    local_threshold: float = 3.0
+    """Largest error of an inlier of a hypothesis' own homography, in pixels."""
+    local_significance: float = -2.0
+    """Significance of that homography below which the hypothesis' matches are added."""
+    most_ordered: int = 400
+    """Matches with most support that a model is fitted to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VoteConstants:
+    """Votes: similarity transforms on which matches agree."""
+
+    most_matches: int = 3000
+    """Most distinctive matches that vote."""
+    least_weight: float = 0.08
+    """Least weight of a match: 1 minus the squared ratio of its two nearest distances."""
+    seeds: int = 300
+    """Most distinctive matches that propose transforms."""
+    scale_tolerance: float = 1.6
+    """Factor by which the scales of agreeing matches may differ."""
+    angle_tolerance: float = 30.0
+    """Angle by which the rotations of agreeing matches may differ, in degrees."""
+    least_tolerance: float = 8.0
+    """Far pixels by which agreeing matches may disagree where they are close together."""
+    distance_tolerance: float = 0.25
+    """Share of the distance of two matches that is added to that."""
+    least_supporters: int = 3
+    """Matches that a hypothesis needs."""
+    cell: float = 3.0
+    """Side of a cell, in pixels, in which matches count once."""
+    neighbourhood: float = 150.0
+    """Near pixels within which matches support each other in a scene with depth."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchConstants:
+    """Landmark search: the near image as a template in a feature pyramid of the far image."""
+
+    template_side: int = 96
+    """Longest side of the reduced near image, in pixels."""
+    dimensions: int = 64
+    """Principal components kept of the features."""
+    most_cells: int = 2000
+    """Cells from which principal components are computed; at most twice as many are taken."""
+    turns: int = 16
+    """Rotations of the template, evenly spread."""
+    largest_scale: float = 1.6
+    """Scale of the largest pyramid level."""
+    smallest_scale: float = 0.1
+    """Scale that the smallest pyramid level does not go below."""
+    levels_per_octave: int = 3
+    """Pyramid levels from one scale to half of it."""
+    most_pixels: int = 3_000_000
+    """Largest number of pixels of a pyramid level."""
+    largest_enlarged: float = 3.2
+    """Scale of the largest upsampled level, for places a few dozen pixels large."""
+    most_enlarged_pixels: int = 12_000_000
+    """Largest number of pixels of an upsampled pyramid level."""
+    peak_distance: float = 0.25
+    """Distance, as a share of the template's diagonal, below which two peaks are one..."""
+    peak_scale: float = 1.5
+    """...if their scales differ by less than this factor..."""
+    peak_angle: float = 30.0
+    """...and their rotations by less than this angle, in degrees."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ZoomConstants:
+    """Zoom: guided matching in the region that a hypothesis gives, at one scale."""
+
+    contrast: float = 0.01
+    """SIFT's contrast threshold."""
+    ratio: float = 0.9
+    """Ratio test among the keypoints within reach."""
+    most_points: int = 2000
+    """Keypoints of a frame, those of the highest contrast."""
+    size_tolerance: float = 1.7
+    """Factor by which the sizes of matched keypoints may differ."""
+    angle_tolerance: float = 40.0
+    """Angle by which their orientations may differ, in degrees."""
+    reach: float = 0.12
+    """Distance from the expected position within which a match may lie, as a share of the frame's
+    diagonal, for a hypothesis..."""
+    second_reach: float = 0.05
+    """...for the model found with it..."""
+    refinements: tuple[float, ...] = (0.03, 0.01)
+    """...and for the refinements of the best homography."""
+    least_reach: float = 4.0
+    """Least such distance, in pixels of the frame."""
+    longest_side: float = 640.0
+    """Longest side of a frame, in pixels."""
+    most_enlarged: float = 4.0
+    """Largest factor by which the far image is enlarged."""
+    margin: float = 0.15
+    """Far pixels around the expected region, as a share of its longest side."""
+    least_side: int = 8
+    """Shorter side of a region below which it is not compared, in far pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlignmentConstants:
+    """Alignment: search hypotheses refined to affine transforms with fine features."""
+
+    first_frames: tuple[tuple[int, float], ...] = ((128, 40.0), (192, 56.0))
+    """Longest side of the near image, and the distance within which a cell is matched, both in
+    pixels of the frame: one pass over all hypotheses each."""
+    later_frames: tuple[tuple[int, float], ...] = ((160, 32.0), (192, 24.0))
+    """The frames that refine the best of a first pass, one after the other."""
+    kept: int = 40
+    """Hypotheses that each first pass keeps."""
+    least_similarity: float = 0.2
+    """Cosine similarity above which two cells match."""
+    least_cells: int = 6
+    """Matched cells that a transform needs."""
+    tolerance: float = 8.0
+    """Largest error of a cell that agrees with a transform, in pixels of the frame."""
+    most_rescaled: float = 2.5
+    """Factor by which the scale may change against the search hypothesis."""
+    most_foreshortened: float = 8.0
+    """Largest ratio of the scales along the two axes of the affine transform."""
+    border: int = 16
+    """Pixels around the compared area that the features at its edge see."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewConstants:
+    """Simulated views (ASIFT; Morel and Yu, 2009) of both images."""
+
+    longest_side: int = 640
+    """Images are reduced to this longest side first, in pixels."""
+    contrast: float = 0.02
+    """SIFT's contrast threshold."""
+    points_per_view: int = 800
+    """Keypoints of a view, those of the highest contrast."""
+    ratio: float = 0.85
+    """Ratio test against the next keypoint outside `fginn_radius`."""
+    fginn_radius: float = 10.0
+    """Keypoints closer than this, in pixels, are one keypoint seen in several views (FGINN)."""
+    cell: float = 2.0
+    """Side of a cell, in pixels, that gives at most one match."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptanceConstants:
+    """Acceptance: models that their inliers leave underdetermined are refused."""
+
+    least_parallax: float = 8.0
+    """Median parallax over median error from which two cameras stand apart: between turned
+    cameras (about 2) and KITTI's moving ones (at least 20), see `benchmarks/parallax.py`."""
+    open_share: float = 0.1
+    """Standard deviation of the corners, as a share of the footprint's diagonal, up to which a
+    homography is determined."""
+    open_pixels: float = 3.0
+    """The same in far pixels, where the share is less: the benchmarks' loose success."""
+    largest_shortening: float = 30.0
+    """Ratio of the scales along two directions at one point; the strongest known pair has 20."""
+    largest_scale: float = 100.0
+    """Factor by which a plausible homography enlarges or reduces at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """The constants of all steps."""
+
+    points: PointConstants = PointConstants()
+    ladder: LadderConstants = LadderConstants()
+    epipolar: EpipolarConstants = EpipolarConstants()
+    votes: VoteConstants = VoteConstants()
+    search: SearchConstants = SearchConstants()
+    zoom: ZoomConstants = ZoomConstants()
+    alignment: AlignmentConstants = AlignmentConstants()
+    views: ViewConstants = ViewConstants()
+    acceptance: AcceptanceConstants = AcceptanceConstants()
+
+    @property
+    def digest(self) -> str:
+        """A hash of all values."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def table(self) -> dict[str, Any]:
+        """Return the values by step for a record; empty where they are those of version 0.1.0."""
+        return {} if self.digest == DIGEST_OF_0_1_0 else asdict(self)
+
+
+DEFAULT = Constants()
