@@ -5,7 +5,7 @@ A value without a measurement in its text was set once and never varied.
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 DIGEST_OF_0_1_0 = "e8eccb9b0d39"
@@ -16,7 +16,7 @@ DIGEST_OF_0_1_0 = "e8eccb9b0d39"
 class PointConstants:
     """First step of the adaptive method: SIFT keypoints all over both images."""
 
-    contrast: float = field(default=0.02, metadata={"changes_features": True})
+    contrast: float = field(default=0.02, metadata={"features": True})
     """SIFT's contrast threshold: best of a grid on the development data, as in `sift-tuned`."""
     ratio: float = 0.9
     """Ratio test: best of the same grid."""
@@ -238,6 +238,15 @@ class Constants:
         """A hash of all values."""
         text = json.dumps(asdict(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def for_features(self) -> dict[str, Any]:
+        """Return the values that features of an image depend on."""
+        return {
+            f"{step.name}.{item.name}": getattr(getattr(self, step.name), item.name)
+            for step in fields(self)
+            for item in fields(getattr(self, step.name))
+            if item.metadata.get("features")
+        }
 
     def table(self) -> dict[str, Any]:
         """Return the values by step for a record; empty where they are those of version 0.1.0."""

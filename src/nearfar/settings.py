@@ -1,25 +1,71 @@
 """The one table of settings."""
 
 import dataclasses
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from nearfar.constants import Constants
+from nearfar.constants import DEFAULT, Constants
 from nearfar.errors import SettingsError
 
 NETWORKS = ("nearfar", "resnet50", "squeezenet")
 """Networks that descriptors use."""
 
-EFFORTS = ("points", "landmarks", "zoom", "views")
+Effort = Literal["points", "landmarks", "zoom", "views"]
+EFFORTS: tuple[Effort, ...] = get_args(Effort)
 """Steps of the method `adaptive`, each with all before it."""
 
+ProposalMode = Literal["single", "fast", "quality"]
+"""Strategies of Selective Search."""
+
 LARGEST = 2**31 - 1
-"""Of every whole number, since libraries below take 32 bits."""
-LARGEST_SIGMA = 100.0
-"""Of the smoothing before the segmentation, in pixels."""
+"""Largest number of most settings, since the libraries below take 32 bits."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """The numbers that a setting may be.
+
+    Attributes:
+        least: the smallest.
+        most: the largest.
+        above: whether `least` itself is excluded.
+    """
+
+    least: float
+    most: float = LARGEST
+    above: bool = False
+
+    def check(self, name: str, value: float | None) -> None:
+        """Raise a SettingsError where a value is outside; None is the default of a setting."""
+        if value is None or (self.least <= value <= self.most and value != self._excluded):
+            return
+        bounds = f"above {self.least:g}, up to" if self.above else f"from {self.least:g} to"
+        raise SettingsError(f"{name} must be {bounds} {self.most:.10g}, not {value}")
+
+    @property
+    def _excluded(self) -> float | None:
+        return self.least if self.above else None
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """The names that a setting may be."""
+
+    names: tuple[str, ...]
+
+    def check(self, name: str, value: str) -> None:
+        """Raise a SettingsError where a value is none of the names."""
+        if value not in self.names:
+            raise SettingsError(f"{name} must be one of {', '.join(self.names)}, not {value!r}")
+
+
+def _rule(allowed: Range | OneOf, *, features: bool = True) -> dict[str, Any]:
+    """Return what a field knows: its allowed values, and whether it changes features."""
+    return {"allowed": allowed, "features": features}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,42 +111,50 @@ class Settings:
             takes the working image.
         proposal_min_area: Drop boxes with a smaller area, in square pixels.
         proposal_max_aspect: Drop boxes whose longer side is more than this many times the shorter.
+        constants: Constants of each step, for experiments; not an option of the command line.
 
     Raises:
         SettingsError: a value is out of range.
     """
 
     method: str = "adaptive"
-    max_effort: Literal["points", "landmarks", "zoom", "views"] = "views"
-    budget: float = float("inf")
-    min_confidence: float = 0.5
-    max_false_alarms: float = 1e-10
-    max_size: int = 1600
-    max_pixels: int = 200_000_000
-    seed: int = 0
+    max_effort: Effort = field(default="views", metadata=_rule(OneOf(EFFORTS), features=False))
+    budget: float = field(
+        default=math.inf, metadata=_rule(Range(0, math.inf, above=True), features=False)
+    )
+    min_confidence: float = field(default=0.5, metadata=_rule(Range(0, 1), features=False))
+    max_false_alarms: float = field(
+        default=1e-10, metadata=_rule(Range(0, math.inf, above=True), features=False)
+    )
+    max_size: int = field(default=1600, metadata=_rule(Range(0)))
+    max_pixels: int = field(default=200_000_000, metadata=_rule(Range(1)))
+    seed: int = field(default=0, metadata=_rule(Range(0), features=False))
     weights: Mapping[str, Path] = field(default_factory=dict)
     descriptor: str = "nearfar"
-    batch_size: int = 32
+    batch_size: int = field(default=32, metadata=_rule(Range(1), features=False))
     detector: str = "rootsift-0.02"
-    matcher: str = "snn-0.9"
-    estimator: str = "ransac"
-    inlier_threshold: float = 6.0
+    matcher: str = field(default="snn-0.9", metadata={"features": False})
+    estimator: str = field(default="ransac", metadata={"features": False})
+    inlier_threshold: float = field(
+        default=6.0, metadata=_rule(Range(0, above=True), features=False)
+    )
     proposer: str = "selective-search"
-    proposal_mode: Literal["single", "fast", "quality"] = "single"
-    proposal_k: int | None = None
-    proposal_sigma: float = 0.9
-    proposal_max_size: int = 0
-    proposal_min_area: int = 200
-    proposal_max_aspect: float = 3.0
-
-    constants: Constants = field(default_factory=Constants, metadata={"option": False})
-    """Constants of each step, for experiments; not an option of the command line."""
+    proposal_mode: ProposalMode = field(
+        default="single", metadata=_rule(OneOf(get_args(ProposalMode)))
+    )
+    proposal_k: int | None = field(default=None, metadata=_rule(Range(0, above=True)))
+    proposal_sigma: float = field(default=0.9, metadata=_rule(Range(0, 100, above=True)))
+    proposal_max_size: int = field(default=0, metadata=_rule(Range(0)))
+    proposal_min_area: int = field(default=200, metadata=_rule(Range(0)))
+    proposal_max_aspect: float = field(default=3.0, metadata=_rule(Range(1)))
+    constants: Constants = field(default=DEFAULT, metadata={"features": False})
 
     def __post_init__(self) -> None:
         self._check_types()
         object.__setattr__(self, "weights", dict(self.weights))  # The caller may change its own.
-        self._check_ranges()
-        self._check_adaptive()
+        for item in dataclasses.fields(self):
+            if "allowed" in item.metadata:
+                item.metadata["allowed"].check(item.name, getattr(self, item.name))
 
     def _check_types(self) -> None:
         for item in dataclasses.fields(self):
@@ -123,47 +177,16 @@ class Settings:
                 f"weights map a network ({', '.join(NETWORKS)}) to a file, not {self.weights!r}"
             )
 
-    def _check_ranges(self) -> None:
-        at_least = {
-            "max_size": 0,
-            "max_pixels": 1,
-            "proposal_max_size": 0,
-            "proposal_min_area": 0,
-            "proposal_max_aspect": 1,
-            "batch_size": 1,
-            "seed": 0,
-        }
-        above = {"proposal_k": 0, "proposal_sigma": 0, "inlier_threshold": 0}
-        for name, bound in at_least.items():
-            value = getattr(self, name)
-            if not bound <= value <= LARGEST:
-                raise SettingsError(f"{name} must be from {bound} to {LARGEST}, not {value}")
-        for name, bound in above.items():
-            value = getattr(self, name)
-            if value is not None and not bound < value <= LARGEST:
-                raise SettingsError(f"{name} must be above {bound}, up to {LARGEST}, not {value}")
-        if self.proposal_sigma > LARGEST_SIGMA:
-            raise SettingsError(f"proposal_sigma must be at most {LARGEST_SIGMA}")
-        if not self.max_false_alarms > 0:
-            raise SettingsError(f"max_false_alarms must be above 0, not {self.max_false_alarms}")
-        if self.proposal_mode not in ("single", "fast", "quality"):
-            raise SettingsError(
-                f"proposal_mode must be single, fast or quality, not {self.proposal_mode!r}"
-            )
-
-    def _check_adaptive(self) -> None:
-        if self.max_effort not in EFFORTS:
-            raise SettingsError(
-                f"max_effort must be one of {', '.join(EFFORTS)}, not {self.max_effort!r}"
-            )
-        if not self.budget > 0:
-            raise SettingsError(f"budget must be above 0, not {self.budget}")
-        if not 0 <= self.min_confidence <= 1:
-            raise SettingsError(f"min_confidence must be from 0 to 1, not {self.min_confidence}")
-
     def __hash__(self) -> int:
         names = (item.name for item in dataclasses.fields(self) if item.name != "weights")
         return hash((*(getattr(self, name) for name in names), *sorted(self.weights)))
+
+    def for_features(self) -> dict[str, Any]:
+        """Return the settings and constants that features of an image depend on."""
+        chosen = (item for item in dataclasses.fields(self) if item.metadata.get("features", True))
+        return {item.name: getattr(self, item.name) for item in chosen} | {
+            "constants": self.constants.for_features()
+        }
 
     def replace(self, **options: Any) -> "Settings":
         """A copy with some values changed.

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
+from nearfar.constants import DEFAULT
 from nearfar.features.keypoints import Keypoints
 from nearfar.landmarks.landmarks import Landmarks
 from nearfar.localizer import Localizer
@@ -23,7 +25,7 @@ from nearfar.methods.points import PointMethod
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 from nearfar.storage import feature_store
-from nearfar.storage.feature_store import NOT_IN_FEATURES, FeatureStore, flattened, settings_hash
+from nearfar.storage.feature_store import FeatureStore, flattened, settings_hash
 from tests.conftest import KnownPair
 
 
@@ -252,7 +254,10 @@ def test_every_setting_makes_other_features_unless_it_is_named(tmp_path: Path) -
     assert settings_hash(Settings()) != settings_hash(Settings(method="sift"))
     assert settings_hash(Settings()) != settings_hash(Settings(proposal_sigma=0.8))
     assert settings_hash(Settings()) != settings_hash(Settings(detector="orb"))
-    assert {item.name for item in dataclasses.fields(Settings)} > NOT_IN_FEATURES
+    finer = replace(DEFAULT, points=replace(DEFAULT.points, contrast=0.01))
+    assert settings_hash(Settings()) != settings_hash(Settings(constants=finer))
+    stricter = replace(DEFAULT, zoom=replace(DEFAULT.zoom, ratio=0.8))
+    assert settings_hash(Settings()) == settings_hash(Settings(constants=stricter))
     same = Settings(matcher="mnn", inlier_threshold=1, max_false_alarms=1, seed=3, batch_size=2)
     assert settings_hash(Settings()) == settings_hash(same)
     for name, content in (("one", b"a"), ("copy", b"a"), ("two", b"b")):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.warp import resized
 from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
 from nearfar.networks.runner import MapNetwork
 from nearfar.settings import Settings

@@ -37,25 +37,9 @@ from nearfar.settings import Settings
 
 Features = TypeVar("Features")
 
-NOT_IN_FEATURES = frozenset(
-    {
-        "matcher",
-        "estimator",
-        "inlier_threshold",
-        "max_false_alarms",
-        "max_effort",
-        "budget",
-        "min_confidence",
-        "seed",
-        "batch_size",
-    }
-)
-"""Settings that change only what is done with features. (No method draws random numbers for them.)
-"""
-
 _PACKAGE = Path(__file__).parents[1]
 _PARTS_WITHOUT_FEATURES = frozenset(
-    {"adapters", "app", "bench", "cli", "estimators", "exports", "maps", "render"}
+    {"adapters", "app", "bench", "cli", "constants.py", "estimators", "exports", "maps", "render"}
     | {"runtime", "storage", "train", "verification"}
 )
 """Parts of the package in which a change leaves stored features valid."""
@@ -177,18 +161,14 @@ class SettingsFeatures:
 def settings_hash(settings: Settings) -> str:
     """SHA-256 of all that features depend on beside the image.
 
-    That is every setting but `NOT_IN_FEATURES`, with the content of weights files in place of
+    That is `Settings.for_features`, with the content of weights files in place of
     their names, the code and network of this package, the source of plug-ins from outside, and the
     versions of the libraries that compute features.
 
     Raises:
         OSError: a weights file cannot be read.
     """
-    content: dict[str, Any] = {
-        item.name: getattr(settings, item.name)
-        for item in dataclasses.fields(settings)
-        if item.name not in NOT_IN_FEATURES
-    }
+    content = settings.for_features()
     content["weights"] = {
         name: _file_hash(Path(file).expanduser()) for name, file in sorted(settings.weights.items())
     }

@@ -48,8 +48,11 @@ def settings_table(settings: Settings) -> dict[str, Any]:
     That is the SHA-256 of weights files, of the model that ships, and of plug-ins from outside.
     """
     content = dataclasses.asdict(settings)
+    del content["constants"]
+    if constants := settings.constants.table():
+        content["constants"] = constants
     for name in ADDED:
-        if content[name] == getattr(Settings, name):
+        if content[name] == getattr(Settings(), name):
             del content[name]
     content["weights"] = {
         name: hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()

@@ -112,7 +112,7 @@ def test_scaled_places_are_exact(
     reduced, matrix = resized(blob(size, place, min(size) / 10), factor)
     assert reduced.shape[1] == max(16, round(size[0] * factor))
     expected = transform(matrix, place[np.newaxis])[0]
-    assert np.linalg.norm(centroid(resized, expected, 1000) - expected) < 0.1
+    assert np.linalg.norm(centroid(reduced, expected, 1000) - expected) < 0.1
     corners = transform(matrix, outline(*size))
     np.testing.assert_allclose(corners, outline(reduced.shape[1], reduced.shape[0]), atol=1e-9)
 
