@@ -153,11 +153,11 @@ def outside_code(settings: Settings) -> dict[str, str]:
     paths = [name.removeprefix(EXTERNAL) for name in named if name.startswith(EXTERNAL)]
     modules = {path.rpartition(".")[0] for path in paths}
     modules |= {entry.module for entry in entry_points(group=ENTRY_POINTS)}
-    return {module: _source_hash(module) for module in sorted(modules)}
+    return {module: source_hash(module) for module in sorted(modules)}
 
 
-def _source_hash(module: str) -> str:
-    """SHA-256 of a module's file; empty where it has none, which its import will tell."""
+def source_hash(module: str) -> str:
+    """Return the SHA-256 of a module's source file; an empty text where it has none."""
     try:
         found = importlib.util.find_spec(module)
     except (ImportError, ValueError):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nearfar.bench.results import Result
-from nearfar.bench.studies.kitti import fit_table, log_fit, step_table
-from nearfar.bench.summary import DASH
+from nearfar.bench.studies.kitti import fit_table, step_table
+from nearfar.bench.summary import DASH, log_fit
 from nearfar.bench.tables import table_three, table_two
 from nearfar.geometry.errors import PAPER_FAILURE_STE
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
-from nearfar.cli.bench.options import DEFAULTS, _RunOptions, variants
+from nearfar.cli.bench.options import DEFAULTS, RunOptions, variants
 from tests.cli.test_localize import assert_bad_input, nearfar
 
 
@@ -116,6 +116,6 @@ def test_what_needs_a_disk_refuses_a_url(
 
 
 def test_what_is_named_twice_is_compared_once(tmp_path: Path) -> None:
-    options = _RunOptions(out=tmp_path, method=("sift", "paper", "sift"), descriptor=("hog", "hog"))
+    options = RunOptions(out=tmp_path, method=("sift", "paper", "sift"), descriptor=("hog", "hog"))
     found = [(each.method, each.descriptor) for each in variants(DEFAULTS, options)]
     assert found == [("sift", DEFAULTS.descriptor), ("paper", "hog")]

@@ -17,9 +17,8 @@ from nearfar.bench.studies.curves import (
     monotone_fit,
     scale_text,
 )
-from nearfar.bench.studies.kitti import by_step, log_fit
 from nearfar.bench.studies.landmark_summary import BINS, Tally
-from nearfar.bench.summary import by_method
+from nearfar.bench.summary import by_method, by_step, log_fit
 from nearfar.bench.tables import log_ste
 from nearfar.render.plotting import figure_axes, save_figure, save_png_and_svg
 

@@ -3,6 +3,7 @@
 import errno
 import functools
 import itertools
+import json
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TypeVar
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.evaluate import evaluate, failure_columns
 from nearfar.bench.results import Result
-from nearfar.errors import NearfarError
+from nearfar.errors import BenchmarkError, NearfarError
 from nearfar.localizer import Localizer
 from nearfar.runtime import logs
 from nearfar.runtime.logs import shown_progress
@@ -191,10 +192,19 @@ class LocalizeTask(Task):
     """A case to localize.
 
     Attributes:
+        measure: case, method -> columns of the row.
         features: folder of the feature store; None keeps features in memory alone.
     """
 
+    measure: Callable[[Case, Localizer], Row]
     features: Path | None
+
+
+def localized_columns(case: Case, localizer: Localizer) -> Row:
+    """Localize a case, and return the columns of the answer and of its errors."""
+    found = localizer.localize(case.far, case.near, model=case.model, intrinsics=case.intrinsics)
+    answer = found.to_dict()
+    return {name: answer[name] for name in _KEPT} | evaluate(case, found)
 
 
 def run(
@@ -204,8 +214,10 @@ def run(
     *,
     workers: Workers | None = None,
     features: Path | None = None,
+    measure: Callable[[Case, Localizer], Row] = localized_columns,
+    code: str = "",
 ) -> list[Result]:
-    """Localize every case with every setting, and compare with the truth; see `resume`.
+    """Run every setting on every case, by default to localize and compare; see `resume`.
 
     Args:
         cases: the cases.
@@ -213,6 +225,8 @@ def run(
         file: JSON Lines, one line a case and setting.
         workers: where the work is done; None: this process.
         features: folder in which features of images are kept between processes and runs.
+        measure: case, method -> columns of the row; a function of a module.
+        code: hash of the source of `measure` where it is not of this package, else empty.
 
     Returns:
         The results of these cases and settings.
@@ -223,12 +237,13 @@ def run(
     """
     _localizer.cache_clear()  # An earlier run's may hold a plug-in that has changed since.
     wanted = []
-    hashes = [case.content_hash() for case in cases]
+    hashes = [f"{case.content_hash()}{code[:16]}" for case in cases]
     for each in settings:
         key, descriptor = settings_key(each), Localizer(each).descriptor
         for case, data in zip(cases, hashes, strict=True):
             start = localize_start(case, each, key, descriptor, data)
-            wanted.append(LocalizeTask(case, each, start, failure_columns(case), features))
+            failure = failure_columns(case)
+            wanted.append(LocalizeTask(case, each, start, failure, measure, features))
     rows = resume(file, wanted, localize_case, settings=settings, workers=workers)
     return [Result.from_dict(row) for row in rows]
 
@@ -261,15 +276,19 @@ def localize_start(
 
 
 def localize_case(task: LocalizeTask) -> Row:
-    """Localize one case and compare with its truth."""
-    return localized_columns(task.case, _localizer(task.settings, task.features))
+    """Run one method on one case.
 
-
-def localized_columns(case: Case, localizer: Localizer) -> Row:
-    """Localize a case, and return the columns of the answer and of its errors."""
-    found = localizer.localize(case.far, case.near, model=case.model, intrinsics=case.intrinsics)
-    answer = found.to_dict()
-    return {name: answer[name] for name in _KEPT} | evaluate(case, found)
+    Raises:
+        BenchmarkError: the columns are no table for JSON.
+    """
+    columns = task.measure(task.case, _localizer(task.settings, task.features))
+    try:
+        json.dumps(dict(columns), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise BenchmarkError(
+            f"a study must return a table of columns for JSON, with finite numbers: {error}"
+        ) from error
+    return {"status": "localized", "reason": None} | columns
 
 
 @functools.lru_cache(maxsize=1)

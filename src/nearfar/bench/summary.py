@@ -6,6 +6,8 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from nearfar.bench.results import Result
 from nearfar.storage.locations import natural_key
 
@@ -141,6 +143,31 @@ def median(values: Iterable[float | None]) -> float | None:
 def is_pose(results: Iterable[Result]) -> bool:
     """Tell whether the errors are degrees of poses instead of pixels."""
     return all(result.model == "pose" for result in results)
+
+
+@dataclass(frozen=True)
+class LogFit:
+    """Least-squares fit a + b ln x."""
+
+    a: float
+    b: float
+
+
+def log_fit(x: Sequence[float], y: Sequence[float]) -> LogFit:
+    """Fit y = a + b ln x through the means of groups, as in the paper's plots."""
+    b, a = np.polyfit(np.log(x), y, 1)
+    return LogFit(float(a), float(b))
+
+
+def by_step(results: Sequence[Result], value: Callable[[Result], float | None]) -> dict[int, float]:
+    """Return the mean of a value over the pairs of each j, without those that have none."""
+    means = {}
+    for j in sorted({int(each.tags["j"]) for each in results}):
+        own = [each for each in results if each.tags["j"] == j]
+        values = [found for each in own if (found := value(each)) is not None]
+        if values:
+            means[j] = float(np.mean(values))
+    return means
 
 
 def _grouped(results: Iterable[Result], key: Callable[[Result], str]) -> dict[str, list[Result]]:

@@ -10,12 +10,11 @@ from cyclopts import App, CycloptsError
 from nearfar import __version__
 from nearfar.cli.about_command import about_command, list_command
 from nearfar.cli.app_command import app_command
-from nearfar.cli.bench import bench_app
+from nearfar.cli.bench import bench_app, report_command
 from nearfar.cli.demo_command import demo_command
 from nearfar.cli.localize_command import localize_command
 from nearfar.cli.map_command import map_app
 from nearfar.cli.options import BAD_INPUT
-from nearfar.cli.report_command import report_command
 from nearfar.cli.train_command import train_app
 from nearfar.cli.weights_command import weights_app
 from nearfar.errors import NearfarError

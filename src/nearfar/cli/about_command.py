@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from nearfar import __version__
+from nearfar.bench.study import STUDIES
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
@@ -75,6 +76,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
     ESTIMATORS,
     EXPORTERS,
     MAP_SOURCES,
+    STUDIES,
 )
 """The registries of all kinds of plug-ins."""
 

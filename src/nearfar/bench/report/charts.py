@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from nearfar.bench.studies.kitti import log_fit
-from nearfar.bench.summary import Share
+from nearfar.bench.summary import Share, log_fit
 
 LEAST_ERROR = 0.01
 """Smaller errors are drawn as this, so that a logarithmic axis holds them."""

@@ -1,6 +1,6 @@
 """The KITTI Odometry experiment of the paper (section IV): pairs of frames and their poses."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
 from nearfar.bench.datasets.cases import Case, Stereo
+from nearfar.bench.figures import plot_kitti
 from nearfar.bench.results import Result
-from nearfar.bench.summary import by_method
-from nearfar.bench.tables import MEASURES, markdown
+from nearfar.bench.study import STUDIES, Study
+from nearfar.bench.summary import by_method, by_step, log_fit
+from nearfar.bench.tables import MEASURES, markdown, risk_table, table_two, time_table
 from nearfar.errors import BenchmarkError
 from nearfar.geometry import kitti
 from nearfar.geometry.epipolar import RelativePose
@@ -190,31 +192,6 @@ def _offset(projection: Matrix3) -> NDArray[np.float64]:
     return transform
 
 
-@dataclass(frozen=True)
-class LogFit:
-    """Least-squares fit a + b ln x."""
-
-    a: float
-    b: float
-
-
-def log_fit(x: Sequence[float], y: Sequence[float]) -> LogFit:
-    """Fit y = a + b ln x through the means of groups, as in the paper's plots."""
-    b, a = np.polyfit(np.log(x), y, 1)
-    return LogFit(float(a), float(b))
-
-
-def by_step(results: Sequence[Result], value: Callable[[Result], float | None]) -> dict[int, float]:
-    """Return the mean of a value over the pairs of each j, without those that have none."""
-    means = {}
-    for j in sorted({int(each.tags["j"]) for each in results}):
-        own = [each for each in results if each.tags["j"] == j]
-        values = [found for each in own if (found := value(each)) is not None]
-        if values:
-            means[j] = float(np.mean(values))
-    return means
-
-
 def step_table(results: Sequence[Result]) -> str:
     """Return, in Markdown, the mean distance of each j and the share of each method within 5°."""
     methods = by_method(results)
@@ -242,3 +219,31 @@ def fit_table(results: Sequence[Result]) -> str:
             cells.append(f"{fit.a:.3f} {fit.b:+.3f} ln x")
         lines.append([method, *cells])
     return markdown(["method", *MEASURES.values()], lines)
+
+
+@STUDIES.register("kitti")
+class Kitti(Study):
+    """Relative poses of the paper's pairs of KITTI Odometry frames."""
+
+    def cases(self, folder: Path) -> list[Case]:
+        """See `Study.cases`."""
+        return find_kitti_cases(folder)
+
+    def tables(self, results: Sequence[Result]) -> dict[str, str]:
+        """See `Study.tables`."""
+        limit = self.settings.max_false_alarms
+        return {
+            "Means over all pairs, failures counted as 1 (the paper's Table II)": (
+                table_two(results).markdown()
+            ),
+            "Share within 5 degrees": step_table(results),
+            "Fits of the group means, a + b ln(metres)": fit_table(results),
+            "Share of incorrect answers, at the share of pairs answered": (
+                risk_table(results, limit)
+            ),
+            "Median seconds by stage, where it ran": time_table(results),
+        }
+
+    def plots(self, results: Sequence[Result], folder: Path) -> list[Path]:
+        """See `Study.plots`."""
+        return plot_kitti(results, folder)

@@ -1,4 +1,4 @@
-"""The experiment on image pairs: the pairs at the size of the paper's images."""
+"""The study of image pairs, also at the size of the paper's images."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,10 +10,43 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates
 from nearfar.bench.datasets.cases import Case
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.figures import plot_pairs
+from nearfar.bench.results import Result
+from nearfar.bench.study import STUDIES, Study
+from nearfar.bench.tables import risk_table, success_table, table_three, time_table
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import scale_change
 from nearfar.imaging.image import read_image
 from nearfar.storage.locations import replaced
+
+
+@STUDIES.register("pairs")
+class Pairs(Study):
+    """Image pairs with corresponding points."""
+
+    def cases(self, folder: Path) -> list[Case]:
+        """See `Study.cases`."""
+        return find_pairs(folder)
+
+    def tables(self, results: Sequence[Result]) -> dict[str, str]:
+        """See `Study.tables`."""
+        limit = self.settings.max_false_alarms
+        return {
+            "Successes, strict / loose": success_table(results),
+            "Symmetric transfer error of the pairs with a homography (the paper's Table III)": (
+                table_three(results).markdown()
+            ),
+            "Share of incorrect answers (strict), at the share of pairs answered": (
+                risk_table(results, limit)
+            ),
+            "Median seconds by stage, where it ran": time_table(results),
+        }
+
+    def plots(self, results: Sequence[Result], folder: Path) -> list[Path]:
+        """See `Study.plots`."""
+        return [plot_pairs(results, folder)]
+
 
 PAPER_SIZE = (1200, 900)
 """Width and height to which the paper resizes its images (bilinearly, whatever their shape)."""

@@ -2,21 +2,23 @@
 
 import math
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from rich.console import Console
 
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.results import Result
-from nearfar.bench.runner import run
+from nearfar.bench.study import Study, run_study
 from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
 from nearfar.errors import SettingsError
 from nearfar.methods import METHODS
 from nearfar.runtime import require
 from nearfar.settings import Settings
-from nearfar.storage.locations import Location, Url
+from nearfar.storage.locations import Location, Url, staged
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,8 +43,9 @@ DEFAULTS = _BenchSettings()
 _Names = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 
 
+@Parameter(name="*", group="Run")
 @dataclass(frozen=True, kw_only=True)
-class _RunOptions(Workplace):
+class RunOptions(Workplace):
     """What is compared, on how much, and where the work is done."""
 
     out: Place
@@ -85,13 +88,10 @@ def on_disk(out: Location) -> Path:
     return out
 
 
-RunOptions = Annotated[_RunOptions, Parameter(name="*", group="Run")]
-
-
 def run_cases(
-    cases: list[Case], options: _RunOptions, settings: Settings, name: str
+    study: Study, cases: list[Case], options: RunOptions, settings: Settings, file_name: str
 ) -> list[Result]:
-    """Run the methods of the options over the cases; results go to OUT/`name`.jsonl.
+    """Run a study with the methods of the options on a sample of cases, in the folder of results.
 
     Raises:
         NearfarError: a name is unknown, weights are missing, or the workers cannot be reached.
@@ -99,16 +99,32 @@ def run_cases(
     require("bench", "matplotlib")
     workers = options.begin()
     local = options.out / "features" if isinstance(options.out, Path) else None
-    return run(
+    return run_study(
+        study,
         sampled(cases, options.sample, settings.seed),
         variants(settings, options),
-        options.out / f"{name}.jsonl",
+        options.out / file_name,
         workers=workers,
         features=local if options.features is None else on_disk(options.features),
     )
 
 
-def variants(settings: Settings, options: _RunOptions) -> list[Settings]:
+def print_summary(study: Study, results: Sequence[Result], out: Location) -> None:
+    """Print the tables of a study, and write its plots into the folder of results."""
+    for title, table in study.tables(results).items():
+        print_text(f"{title}:\n\n{table}\n")
+    with staged(out) as folder:
+        files = study.plots(results, folder)
+    for file in files:
+        print_text(f"saved {out / file.name}")
+
+
+def print_text(text: str) -> None:
+    """Print a text as it is."""
+    Console(emoji=False, highlight=False, soft_wrap=True).print(text, markup=False)
+
+
+def variants(settings: Settings, options: RunOptions) -> list[Settings]:
     """Settings of each method, of those with landmarks once for each descriptor.
 
     Raises:

@@ -1,0 +1,113 @@
+"""A benchmark study of another package: one new file, named by its place or by an entry point."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.contract.test_outside import nearfar
+
+STUDY = '''
+import time
+from pathlib import Path
+
+from nearfar.bench.datasets.pairs import find_pairs
+from nearfar.bench.study import STUDIES, Study
+
+
+@STUDIES.register("matches")
+class Matches(Study):
+    """Number of point matches of image pairs."""
+
+    def cases(self, folder):
+        return find_pairs(folder)
+
+    def measure(self, case, localizer):
+        found = localizer.localize(case.far, case.near)
+        if case.name == "b":
+            raise RuntimeError("no more pairs")
+        return {"strict": found.localized, "loose": True, "point_matches": len(found.points)}
+
+    def tables(self, results):
+        total = sum(result.measures.get("point_matches", 0) for result in results)
+        return super().tables(results) | {"Matches": f"{total:.0f} in all"}
+
+    def plots(self, results, folder):
+        (folder / "matches.txt").write_text("a plot")
+        return [folder / "matches.txt"]
+
+
+class NotJSON(Matches):
+    def measure(self, case, localizer):
+        return {"strict": True, "path": Path()}
+'''
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A distribution whose entry point is one module with a study."""
+    folder = tmp_path / "site"
+    about = folder / "studies-1.0.dist-info"
+    about.mkdir(parents=True)
+    (folder / "my_studies.py").write_text(STUDY)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: studies\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[nearfar.plugins]\nstudies = my_studies\n")
+    return folder
+
+
+@pytest.fixture
+def pairs(tmp_path: Path, known_files: tuple[Path, Path]) -> Path:
+    """Two pairs, named a and b."""
+    far, near = known_files
+    points = [[100, 100], [400, 100], [400, 400], [100, 400]]
+    for name in ("a", "b"):
+        folder = tmp_path / "pairs" / name
+        folder.mkdir(parents=True)
+        pair: dict[str, object] = {"far": str(far), "near": str(near), "model": "homography"}
+        pair |= {"far_points": points, "near_points": points}
+        (folder / "pair.json").write_text(json.dumps(pair))
+    return tmp_path / "pairs"
+
+
+def rows(file: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("study", "file", "jobs"),
+    [("matches", "matches.jsonl", 2), ("python:my_studies.Matches", "my_studies.Matches.jsonl", 1)],
+)
+def test_a_study_from_outside(
+    study: str, file: str, jobs: int, package: Path, pairs: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    command = ["bench", "run", study, pairs, "--out", out, "--method", "orb", "--jobs", jobs]
+    ran = nearfar(package, *command)
+    assert ran.returncode == 0, ran.stderr
+    found = {row["case"]: row for row in rows(out / file)}
+    assert (found["a"]["status"], found["b"]["status"]) == ("localized", "error")
+    assert found["b"]["reason"] == "RuntimeError: no more pairs"
+    assert f"Matches:\n\n{found['a']['point_matches']} in all" in ran.stdout
+    assert (out / "matches.txt").read_text() == "a plot"
+    assert "reused 1 rows" in nearfar(package, *command).stderr
+    module = package / "my_studies.py"
+    module.write_text(module.read_text().replace('"b"', '"c"'))
+    again = nearfar(package, *command)
+    assert "reused" not in again.stderr or "reused 0 rows" in again.stderr
+    assert [row["status"] for row in rows(out / file)[-2:]] == ["localized", "localized"]
+
+
+def test_what_is_no_table_for_json_is_an_error(package: Path, pairs: Path, tmp_path: Path) -> None:
+    options = ["--out", tmp_path / "out", "--method", "orb", "--sample", "1"]
+    ran = nearfar(package, "bench", "run", "python:my_studies.NotJSON", pairs, *options)
+    assert ran.returncode == 0, ran.stderr
+    (row,) = rows(tmp_path / "out" / "my_studies.NotJSON.jsonl")
+    assert row["status"] == "error"
+    assert "a study must return a table of columns" in str(row["reason"])
+
+
+def test_studies_are_listed(package: Path, pairs: Path, tmp_path: Path) -> None:
+    assert {"matches", "pairs", "kitti"} <= set(nearfar(package, "list").stdout.split())
+    ran = nearfar(package, "bench", "run", "match", pairs, "--out", tmp_path / "out")
+    assert ran.returncode == 2
+    assert "unknown study 'match'; did you mean 'matches'?" in ran.stderr
