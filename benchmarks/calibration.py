@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from nearfar.verification.confidence import weight_of_evidence
+from nearfar.verification.confidence import log_significance
 
 FOLDS, BINS = 10, 10
 KINDS = {"homography": ("homography",), "epipolar": ("fundamental", "pose")}
@@ -73,8 +73,8 @@ def left_out(
 
 def report(kind: str, rows: list[Row]) -> None:
     """Print the curve of one kind of model and how it does on scenes left out."""
-    answered = [row for row in rows if row.get("log10_false_alarms") is not None]
-    weight = np.array([weight_of_evidence(row["log10_false_alarms"]) for row in answered])
+    answered = [row for row in rows if row.get("log10_nfa") is not None]
+    weight = np.array([log_significance(row["log10_nfa"]) for row in answered])
     right = np.array([bool(row["strict"]) for row in answered])
     scenes = np.array([scene(row) for row in answered])
     if len(np.unique(scenes)) < FOLDS or right.all() or not right.any():
@@ -100,6 +100,8 @@ def main() -> None:
     rows = [json.loads(line) for file in arguments.rows for line in file.read_text().splitlines()]
     latest = {(row["case"], row["settings"]): row for row in rows if row["method"] == "adaptive"}
     rows = list(latest.values())
+    for row in rows:  # Rows of version 0.1.0 have another name.
+        row.setdefault("log10_nfa", row.get("log10_false_alarms"))
     if len({row["case"] for row in rows}) < len(rows):
         parser.error("several settings of one case: give the rows of one run with one setting")
     if arguments.unrelated:

@@ -46,7 +46,7 @@ def localized(far: Path, near: Path, options: dict[str, str]) -> dict[str, Any]:
         "near": near.name,
         "status": found.status,
         "confidence": found.confidence,
-        "log10_false_alarms": found.log10_false_alarms,
+        "log10_nfa": found.log10_nfa,
         "step": found.step,
         "seconds": sum(found.seconds.values()),
     }
@@ -73,7 +73,7 @@ def main() -> None:
             file.append(row)
             rows.append(row)
     confident = [row for row in rows if (row["confidence"] or 0) >= CONFIDENT]
-    evidence = [row["log10_false_alarms"] for row in rows if row["log10_false_alarms"] is not None]
+    evidence = [row["log10_nfa"] for row in rows if row["log10_nfa"] is not None]
     print(
         f"{len(rows)} unrelated pairs: {len(confident)} answered with confidence {CONFIDENT} or "
         f"more; least log10 of false alarms {min(evidence, default=float('nan')):.1f}"

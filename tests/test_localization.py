@@ -48,7 +48,7 @@ def localizations(draw: st.DrawFn) -> Localization:
         far_from_near=model,
         scale_change=draw(st.none() | NUMBERS),
         confidence=draw(st.none() | st.floats(0, 1)),
-        log10_false_alarms=draw(st.none() | NUMBERS),
+        log10_nfa=draw(st.none() | NUMBERS),
         footprint=draw(st.none() | MATRICES.map(lambda matrix: np.resize(matrix, (4, 2)))),
         points=points,
         landmarks=LandmarkMatches(boxes, boxes, np.ones(len(boxes), np.float32)),
@@ -84,7 +84,7 @@ def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) 
 WHOLE: dict[str, Any] = {
     "status": "localized", "reason": None, "model": "homography",
     "far_from_near": {"homography": np.eye(3).tolist()}, "scale_change": 2.0, "confidence": 0.5,
-    "log10_false_alarms": -9.0, "footprint": None, "method": "sift", "step": None,
+    "log10_nfa": -9.0, "footprint": None, "method": "sift", "step": None,
     "descriptor": None, "seconds": {"points": 0.1},
     "far": {"path": None, "width": 4, "height": 3}, "near": {"path": "x", "width": 4, "height": 3},
 }  # fmt: skip

@@ -56,7 +56,7 @@ class Localization:
             the far image.
         confidence: calibrated probability that the answer is right; None for a method without
             calibration.
-        log10_false_alarms: decimal logarithm of how many models as good as this one are expected
+        log10_nfa: decimal logarithm of how many models as good as this one are expected
             among matches that are all wrong, also where it was refused for that; None where none
             was found, or with too few inliers to say.
         footprint: (4, 2) outline of the near image in the far image (top left, top right, bottom
@@ -78,7 +78,7 @@ class Localization:
     far_from_near: Matrix3 | RelativePose | None
     scale_change: float | None
     confidence: float | None
-    log10_false_alarms: float | None
+    log10_nfa: float | None
     footprint: Coordinates | None
     points: PointMatches
     landmarks: LandmarkMatches
@@ -103,7 +103,7 @@ class Localization:
             "far_from_near": self._model_as_dict(),
             "scale_change": self.scale_change,
             "confidence": self.confidence,
-            "log10_false_alarms": self.log10_false_alarms,
+            "log10_nfa": self.log10_nfa,
             "footprint": None if self.footprint is None else self.footprint.tolist(),
             "inliers": int(self.points.inliers.sum()),
             "matches": len(self.points),
@@ -135,6 +135,8 @@ class Localization:
             LocalizationError: a part is missing or malformed.
         """
         try:
+            if "log10_false_alarms" in content:  # The name in version 0.1.0.
+                content = {**content, "log10_nfa": content["log10_false_alarms"]}
             model = _read_model(content["far_from_near"], content["model"])
             if content["status"] != ("failed" if model is None else "localized"):
                 raise ValueError(f"the status {content['status']!r} contradicts the model")
@@ -146,7 +148,7 @@ class Localization:
                 far_from_near=model,
                 scale_change=_number(content["scale_change"]),
                 confidence=_number(content["confidence"]),
-                log10_false_alarms=_number(content["log10_false_alarms"]),
+                log10_nfa=_number(content["log10_nfa"]),
                 footprint=None if corners is None else _array(corners, (4, 2)),
                 points=points,
                 landmarks=landmarks,

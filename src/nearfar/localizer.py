@@ -30,7 +30,7 @@ from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
 from nearfar.verification.acceptance import accepted
-from nearfar.verification.significance import log10_false_alarms
+from nearfar.verification.significance import log10_nfa
 
 
 class Localizer:
@@ -157,7 +157,7 @@ class Localizer:
         """The answer in pixels of the original images."""
         kind = task.model
         _check_lengths(answer, self.settings.method)
-        exponent = answer.log10_false_alarms
+        exponent = answer.log10_nfa
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
         near_size = near.pixels.shape[1], near.pixels.shape[0]
@@ -184,7 +184,7 @@ class Localizer:
             far_from_near=model,
             scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
             confidence=answer.confidence,
-            log10_false_alarms=exponent if math.isfinite(exponent) else None,
+            log10_nfa=exponent if math.isfinite(exponent) else None,
             footprint=outline,
             points=points,
             landmarks=landmarks,
@@ -244,7 +244,7 @@ def _check_lengths(answer: Answer, method: str) -> None:
 def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:
     """Decimal logarithm of the number of models as good as this one that chance would give."""
     height, width = far.pixels.shape[:2]
-    return log10_false_alarms(
+    return log10_nfa(
         kind,
         answer.far[answer.estimate.inliers],
         answer.near[answer.estimate.inliers],

@@ -85,7 +85,7 @@ class Answer:
         near: (N, 2) the points of the near image that they were matched with.
         landmarks: matched landmarks; None for a method without.
         estimate: model and inliers among the N matches.
-        log10_false_alarms: decimal logarithm of the number of models as good as this one that
+        log10_nfa: decimal logarithm of the number of models as good as this one that
             chance would give; None leaves it to be computed from the matches.
         confidence: calibrated probability that the model is right; None where not calibrated.
         step: what a method with several steps found the answer with.
@@ -95,6 +95,6 @@ class Answer:
     near: Coordinates
     landmarks: LandmarkMatches | None
     estimate: Estimate
-    log10_false_alarms: float | None = None
+    log10_nfa: float | None = None
     confidence: float | None = None
     step: str | None = None

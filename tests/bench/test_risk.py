@@ -10,7 +10,7 @@ def row(exponent: float | None, right: bool, status: str = "localized") -> Resul
         "method": "sift",
         "descriptor": None,
         "status": status,
-        "log10_false_alarms": exponent,
+        "log10_nfa": exponent,
         "strict": right,
     }
     return Result.from_dict(row)

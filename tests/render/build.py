@@ -45,7 +45,7 @@ def localized(far: Image, near: Image, homography: Matrix3, **changes: Any) -> L
         far_from_near=homography,
         scale_change=2.5,
         confidence=None,
-        log10_false_alarms=-50.0,
+        log10_nfa=-50.0,
         footprint=footprint(homography, near.width, near.height),
         points=PointMatches(np.nan_to_num(far_xy).clip(0, 10_000), near_xy, right),
         landmarks=LandmarkMatches(boxes, BOXES, np.array([0.9, 0.8, 0.7], np.float32)),

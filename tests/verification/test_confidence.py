@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from nearfar.models import MODEL_KINDS
 from nearfar.settings import Settings
-from nearfar.verification.confidence import confidence, weight_of_evidence
+from nearfar.verification.confidence import confidence, log_significance
 
 models = st.sampled_from(MODEL_KINDS)
 exponents = st.floats(-1e6, 1e3)
@@ -19,7 +19,7 @@ exponents = st.floats(-1e6, 1e3)
 def test_more_evidence_never_lowers_it(model: str, one: float, other: float) -> None:
     stronger, weaker = sorted((one, other))
     assert confidence(model, stronger) >= confidence(model, weaker)
-    assert weight_of_evidence(stronger) >= weight_of_evidence(weaker) >= 0
+    assert log_significance(stronger) >= log_significance(weaker) >= 0
 
 
 @given(models, st.floats(allow_nan=False))

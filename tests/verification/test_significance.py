@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from nearfar.verification.significance import log10_false_alarms
+from nearfar.verification.significance import log10_nfa
 
 
 def exponent(inliers: int, matches: int, model: str = "homography") -> float:
     xy = np.random.default_rng(0).uniform(0, 1000, (inliers, 2))
-    return log10_false_alarms(model, xy, xy, matches, threshold=6, far_size=(1000, 800))
+    return log10_nfa(model, xy, xy, matches, threshold=6, far_size=(1000, 800))
 
 
 @pytest.mark.parametrize("model", ["homography", "fundamental", "pose"])
@@ -33,5 +33,5 @@ def test_no_more_inliers_than_a_sample_are_no_evidence() -> None:
 def test_many_matches_of_one_pixel_count_once() -> None:
     far = np.repeat(np.array([[5.0, 5], [90, 5], [5, 90], [90, 90]]), 50, axis=0)
     near = np.random.default_rng(0).uniform(0, 1000, far.shape)
-    kept = log10_false_alarms("homography", far, near, 300, threshold=6, far_size=(100, 100))
+    kept = log10_nfa("homography", far, near, 300, threshold=6, far_size=(100, 100))
     assert kept == math.inf

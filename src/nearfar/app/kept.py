@@ -17,7 +17,7 @@ from nearfar.imaging.image import ImageInfo
 from nearfar.localization import Localization, PointMatches
 
 _OF_A_ROW = (
-    "reason", "model", "far_from_near", "scale_change", "confidence", "log10_false_alarms",
+    "reason", "model", "far_from_near", "scale_change", "confidence", "log10_nfa",
     "method", "step", "descriptor",
 )  # fmt: skip
 """What `Localization.to_dict` and a row of results have in common, besides the status."""

@@ -44,7 +44,7 @@ def explanation(found: Localization, settings: Settings) -> str | None:
             "The camera only turned or zoomed between the two images, so that they do not tell a "
             "direction from one to the other. Ask for a homography: it is exact there."
         )
-    if found.reason is not None and "leave its corners open" in found.reason:
+    if found.reason is not None and "determine its corners only to" in found.reason:
         return (
             "Spots of the two images agree on a place, but they lie on one line or close together, "
             "so that size and tilt of the near image remain open. A near image that shows more "
@@ -80,14 +80,14 @@ class Step:
         far: (N, 2) pixels of the far working image.
         near: (N, 2) pixels of the near working image.
         inliers: (N,) which matches agree with the model.
-        evidence: decimal logarithm of how many models as good chance would give.
+        log10_nfa: decimal logarithm of the number of false alarms.
     """
 
     name: str
     far: Coordinates
     near: Coordinates
     inliers: Mask
-    evidence: float
+    log10_nfa: float
 
 
 class Steps:
@@ -112,7 +112,7 @@ class Steps:
     ) -> None:
         """See `Watcher.on_attempt`."""
         known = self.best.get(step)
-        if known is None or log10_nfa < known.evidence:
+        if known is None or log10_nfa < known.log10_nfa:
             self.best[step] = Step(step, far, near, inliers, log10_nfa)
             self._tried(self.best[step])
 
@@ -127,14 +127,14 @@ def localization_result(found: Localization, steps: Mapping[str, Step], settings
                 transform(found.near.original_from_working, step.near),
                 step.inliers,
             ),
-            step.evidence,
+            step.log10_nfa,
         )
         for step in steps.values()
         if len(step.far)
     }
     last = found.step or found.method
     if found.localized or last not in shown:
-        shown[last] = _matches(last, found.points, found.log10_false_alarms)
+        shown[last] = _matches(last, found.points, found.log10_nfa)
     shown[last]["answer"] = True
     boxes = found.landmarks
     return {
@@ -175,11 +175,11 @@ def _map_answer(answer: MapAnswer, file: str) -> Json:
     }
 
 
-def _matches(name: str, points: PointMatches, evidence: float | None) -> Json:
+def _matches(name: str, points: PointMatches, log10_nfa: float | None) -> Json:
     order = np.argsort(~points.inliers, kind="stable")[:MOST_MATCHES]
     return {
         "name": name,
-        "evidence": _finite(evidence),
+        "log10_nfa": _finite(log10_nfa),
         "far": np.round(points.far[order], 2).tolist(),
         "near": np.round(points.near[order], 2).tolist(),
         "inliers": points.inliers[order].astype(int).tolist(),

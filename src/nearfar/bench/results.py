@@ -67,6 +67,8 @@ class Result:
         Args:
             row: has at least the texts `case` and `method`.
         """
+        if "log10_false_alarms" in row:  # The name in version 0.1.0.
+            row = {**row, "log10_nfa": row["log10_false_alarms"]}
         numbers = {name: number for name in row if (number := _number(row[name])) is not None}
         homography = _table(row.get("far_from_near")).get("homography")
         descriptor = row.get("descriptor")

@@ -38,7 +38,7 @@ _KEPT = (
     "matches",
     "landmark_matches",
     "scale_change",
-    "log10_false_alarms",
+    "log10_nfa",
     "confidence",
     "step",
     "seconds",

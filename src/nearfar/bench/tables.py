@@ -112,7 +112,7 @@ def _is_answered(result: Result, limit: float) -> bool:
     """Tell whether a run with this limit would have answered."""
     if not result.localized or limit == math.inf:
         return result.localized
-    log10_nfa = result.measures.get("log10_false_alarms")
+    log10_nfa = result.measures.get("log10_nfa")
     return log10_nfa is not None and log10_nfa <= math.log10(limit)
 
 

@@ -19,31 +19,31 @@ from nearfar.verification.conditioning import (
 def accepted(
     answer: Answer,
     task: Task,
-    log10_false_alarms: float,
+    log10_nfa: float,
     near_size: tuple[int, int],
     settings: Settings,
     *,
     same_place: bool = False,
 ) -> Answer:
-    """The answer of a method, or a failure where too little speaks for it.
+    """Return the answer of a method, or a failure where it is not significant or determined.
 
     Args:
-        answer: of the method.
-        task: what was asked.
-        log10_false_alarms: decimal logarithm of the number of models as good by chance.
+        answer: the method's answer, in pixels of the working images.
+        task: the task that it answers.
+        log10_nfa: decimal logarithm of the number of false alarms.
         near_size: width and height of the near working image in pixels.
         settings: `max_false_alarms` and `min_confidence` are used; where the former is infinite,
-            models that the matches leave open are accepted too.
+            underdetermined models are accepted too.
         same_place: accept poses between cameras at one place.
     """
     estimate = answer.estimate
     if estimate.far_from_near is None:
         return answer
     confidence = answer.confidence
-    if log10_false_alarms > math.log10(settings.max_false_alarms):
-        reason = "which chance may explain (--max-false-alarms)"
+    if log10_nfa > math.log10(settings.max_false_alarms):
+        reason = "too few to exclude chance (--max-false-alarms)"
     elif confidence is not None and confidence < settings.min_confidence:
-        reason = f"a confidence of {confidence:.2f} (--min-confidence)"
+        reason = f"with a confidence of only {confidence:.2f} (--min-confidence)"
     elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
         return answer
     else:
@@ -54,7 +54,7 @@ def accepted(
         if underdetermined is None:
             return answer
         reason = underdetermined
-        confidence = None if confidence is None else 0.0  # Evidence, but for more than one answer.
+        confidence = None if confidence is None else 0.0  # Other models agree as well.
     name = MODEL_NAMES[task.model]
     agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
     failed = failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
@@ -73,10 +73,13 @@ def _underdetermined(
     model = estimate.far_from_near
     if isinstance(model, RelativePose):
         if relative_parallax(model, far, near, *task.cameras) < constants.least_parallax:
-            return "which a rotation alone explains: no direction follows (try --model homography)"
+            return (
+                "but a rotation alone explains these: the direction is unknown "
+                "(try --model homography)"
+            )
     elif model is not None and task.model == "homography":
         seen = footprint(model, *near_size)
         deviation = corner_deviation(model, far, near, near_size)
         if seen is not None and deviation > largest_deviation(seen, constants):
-            return f"which leave its corners open by {deviation:.0f} pixels"
+            return f"which determine its corners only to {deviation:.0f} pixels"
     return None

@@ -1,4 +1,4 @@
-"""How likely an answer is right: a logistic curve of its evidence, fitted to benchmark results."""
+"""Confidence: a logistic curve of the significance of an answer, fitted to benchmark results."""
 
 import math
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ class Curve:
     """A logistic curve.
 
     Attributes:
-        offset: log-odds of an answer without evidence.
-        slope: log-odds that each tenfold of the evidence adds.
+        offset: log-odds of an answer that is not significant.
+        slope: log-odds that a tenfold significance adds.
     """
 
     offset: float
@@ -22,24 +22,23 @@ CURVES = {
     "fundamental": Curve(-1.28, 2.40),
     "pose": Curve(-1.28, 2.40),
 }
-"""Fitted by `benchmarks/calibration.py`; right means within 3 pixels, or 5 degrees."""
+"""Fitted by `benchmarks/calibration.py`; correct means within 3 pixels, or 5 degrees."""
 
 
-def weight_of_evidence(log10_false_alarms: float) -> float:
-    """Decimal logarithm of 1 plus the number of decimal orders below one false alarm."""
-    return math.log10(1 + max(0.0, -log10_false_alarms))
+def log_significance(log10_nfa: float) -> float:
+    """Return log10(1 + max(0, -log10_nfa)): 0 for an answer that is not significant."""
+    return math.log10(1 + max(0.0, -log10_nfa))
 
 
-def confidence(model: str, log10_false_alarms: float) -> float:
-    """Calibrated probability that a model is right.
+def confidence(model: str, log10_nfa: float) -> float:
+    """Return the calibrated probability that a model is correct.
 
     Args:
         model: "homography", "fundamental" or "pose".
-        log10_false_alarms: decimal logarithm of the number of models as good as this one that
-            chance would give.
+        log10_nfa: decimal logarithm of the number of false alarms.
     """
-    if math.isinf(log10_false_alarms) and log10_false_alarms > 0:
+    if math.isinf(log10_nfa) and log10_nfa > 0:
         return 0.0
     curve = CURVES[model]
-    odds = curve.offset + curve.slope * weight_of_evidence(log10_false_alarms)
+    odds = curve.offset + curve.slope * log_significance(log10_nfa)
     return 1 / (1 + math.exp(-odds))

@@ -10,7 +10,7 @@ SAMPLE_SIZE = {"homography": 4, "fundamental": 7, "pose": 5}
 """Matches that determine a model of each kind."""
 
 
-def log10_false_alarms(
+def log10_nfa(
     model: str,
     far: Coordinates,
     near: Coordinates,

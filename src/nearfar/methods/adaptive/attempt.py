@@ -13,7 +13,7 @@ from nearfar.estimators import Estimator
 from nearfar.methods.adaptive.zoom import Matched
 from nearfar.models import Estimate, Task
 from nearfar.verification.degeneracy import is_plausible
-from nearfar.verification.significance import log10_false_alarms
+from nearfar.verification.significance import log10_nfa
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def attempt(
     whole = math.sqrt(far_size[0] * far_size[1])
     sides = [np.full(len(each.far), min(whole, 2 * each.radius)) for each in sets]
     side = float(np.concatenate(sides)[order].mean())
-    significance = log10_false_alarms(
+    significance = log10_nfa(
         task.model,
         far[estimate.inliers],
         near[estimate.inliers],
