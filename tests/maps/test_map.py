@@ -137,7 +137,7 @@ def test_the_same_query_gives_the_same_answer(map_: Path, close_up: KnownPair) -
 
 
 def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match="is no map"):
+    with pytest.raises(MapError, match="is not a map"):
         open_map(tmp_path / "nothing")
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(MapError, match="choose another place"):

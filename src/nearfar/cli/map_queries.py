@@ -1,7 +1,4 @@
-"""The queries of `nearfar map locate`, each located by itself, here or by a worker.
-
-What comes back is text and numbers: pixels stay where the query was located.
-"""
+"""Queries of `nearfar map locate`: each is located here or by a worker, which returns text."""
 
 import functools
 from dataclasses import dataclass, replace
@@ -17,23 +14,23 @@ from nearfar.settings import Settings
 from nearfar.storage.locations import Location, local_copy, staged
 
 LONGEST_CRS = 20
-"""Characters; the name of a system that has no code is pages of WKT."""
+"""Longest name of a coordinate system to print, in characters; WKT can fill pages."""
 
 
 @dataclass(frozen=True)
 class Query:
-    """A query and how it is located.
+    """A query and how to locate it.
 
     Attributes:
-        source: its file.
-        name: of the files that are saved of it.
-        folder: of the map.
-        settings: of the map.
-        top: as `Map.locate`.
-        candidates: as `Map.locate`.
-        camera: the same.
+        source: file of the query.
+        name: name of the files that are saved for the query, without suffix.
+        folder: folder of the map.
+        settings: settings to open the map with.
+        top: see `Map.locate`.
+        candidates: see `Map.locate`.
+        camera: camera of the query; None where it is not known.
         save: folder for files; None saves none.
-        run: names the run; workers open the map once in each.
+        run: id of the run; a worker opens the map once a run.
     """
 
     source: Location
@@ -49,14 +46,14 @@ class Query:
 
 @dataclass(frozen=True)
 class Located:
-    """What came of a query.
+    """The result of a query as text.
 
     Attributes:
-        error: why it could not be read; None where it could.
-        located: whether it was found.
-        line: the JSON object of `--json`.
-        text: the same for people.
-        features: of GeoJSON.
+        error: why the query could not be read; None where it could.
+        located: whether the query was found.
+        line: JSON object for `--json`.
+        text: result for people to read.
+        features: GeoJSON features.
     """
 
     error: str | None
@@ -67,10 +64,10 @@ class Located:
 
 
 def locate_query(query: Query) -> Located:
-    """Locate a query, and save what is to be saved.
+    """Locate a query, and save its files.
 
     Raises:
-        NearfarError: it is not the query that is at fault.
+        NearfarError: something else than the query is at fault.
     """
     map_ = _opened(query.folder, query.settings, query.run)
     try:
@@ -94,13 +91,13 @@ def locate_query(query: Query) -> Located:
 
 
 def died(query: Query) -> Located:
-    """What is said of a query that kills its workers."""
+    """Return the result of a query that kills its workers."""
     return Located(f"{query.source}: the process that located it died")
 
 
 @functools.lru_cache(maxsize=1)
 def _opened(folder: Location, settings: Settings, _: str) -> Map:
-    """One a process and run."""
+    """Open the map once a process and run."""
     return open_map(folder, settings=settings)
 
 

@@ -1,4 +1,4 @@
-"""Maps: many images, and others located in them. Needs the extra `map`."""
+"""Maps of many images, in which other images are located. Needs the extra `map`."""
 
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from nearfar.maps.map import Map
 
 PACKAGES = ("lancedb", "pyarrow", "joblib", "filelock")
-"""Of the extra `map`."""
+"""Packages of the extra `map`."""
 DEFAULTS = Settings(max_effort="points")
-"""What verifies where an image may lie."""
+"""Default settings of the method that verifies candidates."""
 
 
 def open_map(
@@ -28,10 +28,10 @@ def open_map(
 
     Args:
         path: folder of the map, or its URL in object storage (s3://BUCKET/PATH).
-        create: make a map without images where there is none.
-        max_size: of a new map, the longest side in pixels to which images are reduced; 0, the
-            default, does not reduce them. A map made with another is refused.
-        settings: of the method `adaptive`, and the weights of the descriptor.
+        create: whether to make a map without images where there is none.
+        max_size: longest side in pixels to which a new map reduces images; 0, the default, does
+            not reduce them. A map that was made with another value is refused.
+        settings: settings of the method `adaptive`, and the weights of the descriptor.
         **options: settings to change, by name.
 
     Raises:
@@ -39,8 +39,8 @@ def open_map(
             or `max_size`.
         MissingExtraError: packages of the extra `map` are not installed.
         SettingsError: an option is unknown or out of range.
-        StorageError: it is in object storage that does not answer or refuses.
-        WeightsError: a map is to be made and the weights of the descriptor cannot be read.
+        StorageError: object storage does not answer or refuses.
+        WeightsError: a map is to be made, and the weights of the descriptor cannot be read.
     """
     require("map", *PACKAGES)
     from nearfar.maps.map import Map

@@ -1,7 +1,7 @@
-"""What locating an image in a map finds."""
+"""Results of locating a query in a map."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,20 +21,20 @@ from nearfar.storage.locations import Location, replaced
 
 @dataclass(frozen=True, eq=False)
 class MapAnswer:
-    """Where a query lies in one image of a map.
+    """The query located in one image of a map.
 
     Attributes:
         image: name of the map image.
-        far_from_near: homography, pixels of the query to pixels of the original map image; or
-            relative pose, where the intrinsics of both cameras are known.
+        far_from_near: homography from pixels of the query to pixels of the original map image; a
+            relative pose where the intrinsics of both cameras are known.
         footprint: (4, 2) outline of the query in the map image (top left, top right, bottom right,
             bottom left of the query); None for a pose, and where the horizon crosses the query.
-        scale_change: median over all pairs of inliers of their distance in the query over that in
-            the map image.
-        confidence: calibrated probability that the answer is right.
-        votes: of the query's landmarks for it.
-        points: matched points, in pixels of the original map image (far) and of the query.
-        world: where the query lies on the Earth; None unless the map image is a GeoTIFF.
+        scale_change: median, over all pairs of inliers, of their distance in the query divided by
+            their distance in the map image.
+        confidence: calibrated probability that the answer is correct.
+        votes: sum of the weights of the query's landmarks that vote for it.
+        points: matched points, in pixels of the original map image (far) and of the query (near).
+        world: position of the query on the Earth; None unless the map image is a GeoTIFF.
         localization: the query localized in a tile of the map image, in pixels of that tile.
         images: that tile (far) and the query (near).
     """
@@ -51,7 +51,7 @@ class MapAnswer:
     images: ImagePair
 
     def to_dict(self) -> dict[str, Any]:
-        """The answer for JSON."""
+        """Return the answer as JSON values."""
         return {
             "image": self.image,
             "far_from_near": self._model_as_dict(),
@@ -63,10 +63,7 @@ class MapAnswer:
         }
 
     def picture(self) -> RGBPixels:
-        """The query's outline on the tile of the map image.
-
-        Matched points where there is no outline.
-        """
+        """Draw the query's outline, or else the matched points, on the tile of the map image."""
         part = self.localization
         page = footprint_page(part, self.images, caption=self._caption())
         return point_matches(part, self.images) if page is None else page
@@ -97,9 +94,10 @@ class VerifiedCandidate:
 
     Attributes:
         image: name of the map image.
-        votes: of the query's landmarks for it.
-        confidence: that the query lies there; 0 where nothing was found or it could not be read.
-        reason: why it is no answer; None where it is one.
+        votes: sum of the weights of the query's landmarks that vote for it.
+        confidence: calibrated probability that the query lies there; 0 where nothing was found or
+            the image could not be read.
+        reason: why the candidate is no answer; None where it is one.
     """
 
     image: str
@@ -108,28 +106,23 @@ class VerifiedCandidate:
     reason: str | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The candidate for JSON."""
-        return {
-            "image": self.image,
-            "votes": self.votes,
-            "confidence": self.confidence,
-            "reason": self.reason,
-        }
+        """Return the candidate as JSON values."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)
 class MapLocalization:
-    """Where a query lies in a map, or that it was not found.
+    """The result of locating a query in a map: answers, or the reason why there are none.
 
     Attributes:
-        answers: the best first; none where it was not found.
-        candidates: what was verified, in that order.
+        answers: the best first; empty where the query was not found.
+        candidates: all candidates that were verified, in that order.
         query: path or URL of the query; None for an array.
-        width: of the query, in pixels of the original.
-        height: the same.
+        width: width of the original query, in pixels.
+        height: height of the original query, in pixels.
         seconds: wall time by stage.
-        pose: of the query in a model or a list of poses; None without the query's intrinsics, or
-            where no map image that it lies in has a pose.
+        pose: pose of the query's camera in the frame of a map source; None without the query's
+            intrinsics, or where no map image that it lies in has a pose.
     """
 
     answers: tuple[MapAnswer, ...]
@@ -142,7 +135,7 @@ class MapLocalization:
 
     @property
     def world(self) -> GeoPlace | QueryPose | None:
-        """Where the query lies in the world: its pose, or its place by the best answer."""
+        """The pose of the query, or else its position on the Earth by the best answer."""
         if self.pose is not None or not self.answers:
             return self.pose
         return self.answers[0].world
@@ -154,7 +147,7 @@ class MapLocalization:
 
     @property
     def status(self) -> Literal["located", "not found"]:
-        """In words."""
+        """The outcome in words."""
         return "located" if self.located else "not found"
 
     @property
@@ -168,7 +161,7 @@ class MapLocalization:
         return f"none of {len(self.candidates)} candidates; {best.image}: {best.reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON object of the command line's `--json`."""
+        """Return the JSON object that the command line prints with `--json`."""
         return {
             "status": self.status,
             "reason": self.reason,
@@ -184,7 +177,7 @@ class MapLocalization:
         }
 
     def to_json(self) -> str:
-        """`to_dict` as one line of JSON."""
+        """Return `to_dict` as one line of JSON."""
         return json.dumps(self.to_dict(), allow_nan=False)
 
     def features(self) -> list[dict[str, Any]]:
@@ -215,8 +208,8 @@ class MapLocalization:
         """Write `NAME.json` and, where there is an answer, a picture of the best, `NAME.png`.
 
         Args:
-            directory: made where missing.
-            name: of the files.
+            directory: folder for the files, made where missing.
+            name: name of the files without suffix.
 
         Returns:
             The files written.

@@ -1,4 +1,4 @@
-"""Image files -> what a map holds of them, only for those that are new or have changed."""
+"""Describe the images of a map: only those that are new or have changed."""
 
 import functools
 import hashlib
@@ -22,21 +22,21 @@ from nearfar.settings import Settings
 from nearfar.storage.locations import Location, is_text
 
 LANDMARKS_PER_COMMIT = 50_000
-"""Images are committed together until they have so many; what a crash can lose."""
+"""Number of landmarks from which on the waiting images are committed; a crash loses fewer."""
 IMAGES_PER_COMMIT = 5_000
-"""Nor more images than this, where few of them have landmarks."""
+"""Number of waiting images from which on they are committed, where few of them have landmarks."""
 
 
 @dataclass(frozen=True)
 class Added:
-    """What adding images did.
+    """Counts of what adding images did.
 
     Attributes:
         added: images that are new.
         replaced: images whose content had changed, or that could not be read before.
         unchanged: images that were there already.
-        failed: name and reason of those that could not be read, or have a name that no table holds.
-        metrics: what it took.
+        failed: name and reason of each image that could not be read, or whose name is not UTF-8.
+        metrics: time, workers and counts of the run.
     """
 
     added: int
@@ -51,10 +51,10 @@ class _Task:
     """An image to describe.
 
     Attributes:
-        file: of the image.
-        name: in the map.
-        known: what the map has of a usable image of this name; None where it has none.
-        max_size: of the map.
+        file: file of the image.
+        name: name of the image in the map.
+        known: the usable image of this name in the map; None where there is none.
+        max_size: see `Manifest`.
         settings: `weights` and `max_pixels` are used.
     """
 
@@ -75,18 +75,17 @@ def add_images(
     """Add files to a map; must be called within `MapStore.writing`.
 
     Images are committed in the order of the files, so that a map does not depend on the workers.
-    These read the files, and return what is found to this process, which alone writes.
+    Workers read the files and return what they find; this process alone writes.
 
     Args:
         store: the map.
         files: the images.
         settings: `weights` and `max_pixels` are used.
-        workers: where images are described.
-        progress: is told how it proceeds.
+        workers: processes that describe the images.
+        progress: is called with the number of images done and of all images.
 
     Raises:
-        StorageError: images or map are in object storage that does not answer; what was committed
-            is kept.
+        StorageError: object storage does not answer; images that were committed are kept.
     """
     meter = Meter()
     known = {image.name: image for image in store.images()}
@@ -128,7 +127,7 @@ def add_images(
 
 
 class _Waiting:
-    """What is to be committed together."""
+    """Images that are to be committed together."""
 
     def __init__(self, store: MapStore) -> None:
         self._store = store
@@ -137,7 +136,7 @@ class _Waiting:
         self._landmarks = 0
 
     def take(self, found: Indexed | MapImage) -> None:
-        """Commit what is waiting if that is enough with this."""
+        """Add an image, and commit all that are waiting if they are enough."""
         if isinstance(found, MapImage):
             self._same.append(found)
         else:
@@ -154,12 +153,12 @@ class _Waiting:
 
 
 def _indexed(task: _Task) -> Indexed | MapImage:
-    """What a map holds of an image; its row alone where the content is the one that is known.
+    """Describe an image; return only its row where the map has the image with the same content.
 
-    For an image with which anything goes wrong it is the reason, so that it fails alone.
+    An image that cannot be described gets the reason as its status, so that it fails alone.
 
     Raises:
-        NearfarError: it is not the image that is at fault.
+        NearfarError: something else than the image is at fault.
     """
     state = state_of(task.file)
     sha256 = content_hash(task.file)
@@ -178,10 +177,10 @@ def _indexed(task: _Task) -> Indexed | MapImage:
 
 
 def _described(task: _Task, sha256: str) -> Indexed:
-    """What a map holds of an image.
+    """Return the row, the tiles and the landmarks of an image.
 
     Raises:
-        ImageError: it cannot be read.
+        ImageError: the image cannot be read.
     """
     photograph = open_image(task.file, task.settings.max_pixels)
     describer = _describer(task.settings)
@@ -199,7 +198,7 @@ def _described(task: _Task, sha256: str) -> Indexed:
 
 
 def _in_original(landmarks: Landmarks, tile: Tile, core: Core) -> Landmarks:
-    """The landmarks in the core of a tile, in pixels of the original image."""
+    """Return the landmarks in the core of a tile, in pixels of the original image."""
     centre = transform(tile.original_from_tile, landmarks.centre)
     low, high = [core.left, core.top], [core.right, core.bottom]
     own = np.all((centre >= low) & (centre < high), axis=1)
@@ -225,5 +224,5 @@ def _image(
 
 @functools.lru_cache(maxsize=1)
 def _describer(settings: Settings) -> LandmarkDescriber:
-    """One a process."""
+    """Return the describer of this process."""
     return LandmarkDescriber(settings)

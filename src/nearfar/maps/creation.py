@@ -20,8 +20,8 @@ def create(folder: Location, manifest: Manifest) -> None:
 
     Raises:
         MapError: the folder exists and holds something else, or another process makes a map.
-        OSError: it cannot be made.
-        StorageError: the server does not answer or refuses.
+        OSError: the folder cannot be made.
+        StorageError: object storage does not answer or refuses.
     """
     if isinstance(folder, Path):
         _create_on_disk(folder, manifest)
@@ -30,9 +30,9 @@ def create(folder: Location, manifest: Manifest) -> None:
 
 
 def _create_on_disk(folder: Path, manifest: Manifest) -> None:
-    """A map that appears as a whole."""
+    """Make a map that appears under its name only when it is complete."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise MapError(f"{folder} exists and is no map: choose another place")
+        raise MapError(f"{folder} exists and is not a map: choose another folder")
     folder.parent.mkdir(parents=True, exist_ok=True)
     incomplete = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
@@ -50,19 +50,19 @@ def _appear(incomplete: Path, folder: Path) -> None:
         incomplete.replace(folder)
     except OSError:
         if (folder / MANIFEST).exists():
-            raise MapError(f"{folder} is a map by now: run the command again") from None
+            raise MapError(f"{folder} has become a map meanwhile: run the command again") from None
         raise
 
 
 def _create_in_storage(folder: Url, manifest: Manifest) -> None:
-    """A map whose manifest comes last; what a process that was killed began is begun anew."""
+    """Write the manifest last; remove first what a process that was killed left."""
     own = {LOCK, *(f"{name}.lance" for name in SCHEMAS)}
     with writer_lock(folder):
         files = {each.key.removeprefix(folder.key).strip("/"): each for each in folder.below()}
         if MANIFEST in files:
-            raise MapError(f"{folder} is a map by now: run the command again")
+            raise MapError(f"{folder} has become a map meanwhile: run the command again")
         if not {name.partition("/")[0] for name in files} <= own:
-            raise MapError(f"{folder} exists and is no map: choose another place")
+            raise MapError(f"{folder} exists and is not a map: choose another folder")
         for name in files.keys() - {LOCK}:
             files[name].unlink()
         with database_errors(folder):
@@ -71,14 +71,14 @@ def _create_in_storage(folder: Url, manifest: Manifest) -> None:
 
 
 def upgrade(folder: Location) -> tuple[int, int]:
-    """Bring a map to the present format; one that was interrupted goes on.
+    """Bring a map to the present format, also after an upgrade that was interrupted.
 
     Returns:
-        The format that it had and the one that it has.
+        The format before and after.
 
     Raises:
         MapError: there is no map, it cannot be upgraded, or another process is writing.
-        StorageError: it is in object storage that does not answer.
+        StorageError: object storage does not answer.
     """
     with writer_lock(_checked(folder)), database_errors(folder):
         made = read_any_manifest(folder)
@@ -91,7 +91,7 @@ def upgrade(folder: Location) -> tuple[int, int]:
 
 
 def _checked(folder: Location) -> Location:
-    """The folder of a map that can be upgraded."""
+    """Return the folder of a map if it can be upgraded."""
     made = read_any_manifest(folder)
     if not OLDEST <= made.format <= FORMAT:
         raise MapError(
@@ -102,7 +102,7 @@ def _checked(folder: Location) -> Location:
 
 
 def _add_file_states(database: Any) -> None:
-    """Format 2 keeps size and time of each image file; unknown ones are found by the next build."""
+    """Add size and time of each image file, which format 2 keeps; the next build finds them."""
     images = database.open_table("images")
     for name in ("size", "modified"):
         if name not in images.schema.names:

@@ -1,8 +1,8 @@
 """The LanceDB database at the place of a map, and the lock of its only writer.
 
-On a disk the operating system holds the lock, and ends it with the process. In object storage the
-lock is a file that can be made only where it does not exist, and says who made it; of a process
-that was killed it stays until `unlock`.
+On a disk the operating system holds the lock and releases it when the process ends. In object
+storage the lock is a file that can be made only where it does not exist; it names the process that
+made it. If that process is killed, the file stays until `unlock` removes it.
 """
 
 import functools
@@ -31,7 +31,7 @@ Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
 _SAID = re.compile(r"LanceError\(\w+\): (.*?)(?:, /\S+:\d+:\d+)?$", re.DOTALL)
-"""What LanceDB says of an error, without the place in its own source."""
+"""Matches the message of a LanceDB error without the line in LanceDB's own source."""
 
 
 class _InFolder(Protocol):
@@ -42,12 +42,12 @@ Owner = TypeVar("Owner", bound=_InFolder)
 
 
 def connect(folder: Location) -> Any:
-    """The database in the folder of a map; it reads and writes object storage itself."""
+    """Open the database in the folder of a map; LanceDB accesses object storage itself."""
     return lancedb.connect(str(folder), storage_options=lance_options(folder))
 
 
 def open_table(database: Any, name: str, folder: Location) -> Any:
-    """A table of the map in a folder; None where there is none."""
+    """Open a table of a map; return None where there is no such table."""
     try:
         with storage_errors(folder):
             return database.open_table(name)
@@ -57,7 +57,7 @@ def open_table(database: Any, name: str, folder: Location) -> Any:
 
 @contextmanager
 def database_errors(folder: Location) -> Iterator[None]:
-    """Turn what LanceDB raises, e.g. at a full disk or a damaged table, into errors of our own.
+    """Turn errors of LanceDB, e.g. for a full disk or a damaged table, into errors of nearfar.
 
     Raises:
         MapError: the tables cannot be read or written.
@@ -79,7 +79,7 @@ def database_errors(folder: Location) -> Iterator[None]:
 def own_errors(
     method: Callable[Concatenate[Owner, Given], Found],
 ) -> Callable[Concatenate[Owner, Given], Found]:
-    """Let a method raise what `database_errors` does."""
+    """Decorate a method to run within `database_errors`."""
 
     @functools.wraps(method)
     def safe(self: Owner, /, *given: Given.args, **named: Given.kwargs) -> Found:
@@ -91,11 +91,11 @@ def own_errors(
 
 @contextmanager
 def writer_lock(folder: Location) -> Iterator[None]:
-    """Be the only writer of a map.
+    """Hold the lock of the only writer of a map.
 
     Raises:
         MapError: another process is writing.
-        StorageError: the server does not answer, or cannot keep two processes apart.
+        StorageError: the server does not answer, or does not support conditional writes.
     """
     with _on_disk(folder) if isinstance(folder, Path) else _in_storage(folder):
         yield
@@ -105,7 +105,7 @@ def unlock(folder: Location) -> str | None:
     """Remove the lock of a process that was killed while it wrote to object storage.
 
     Returns:
-        Whose it was; None where there was none.
+        Process and host that held the lock; None where there was no lock.
 
     Raises:
         MapError: the map is on a disk, where a lock ends with its process.
@@ -149,12 +149,12 @@ def _in_storage(folder: Url) -> Iterator[None]:
     try:
         lock.create(own)
     except FileExistsError:
-        if _content(lock) != own:  # Else a request was repeated whose answer was lost.
+        if _content(lock) != own:  # Equal where a request was repeated because its answer was lost.
             raise MapError(_refusal(folder, lock)) from None
     try:
         _check_exclusive(lock, own)
         yield
-    except StorageError:  # It would not answer for the lock either.
+    except StorageError:  # The server would not remove the lock either.
         _log.warning(
             "the lock of %s may be left: `nearfar map unlock %s` removes it", folder, folder
         )
@@ -167,7 +167,7 @@ def _in_storage(folder: Url) -> Iterator[None]:
 
 
 def _check_exclusive(lock: Url, own: bytes) -> None:
-    """Some servers ignore the condition, without which neither lock nor map is safe."""
+    """Refuse servers that ignore conditional writes: neither lock nor map would be safe there."""
     try:
         lock.create(own)
     except FileExistsError:
@@ -178,7 +178,7 @@ def _check_exclusive(lock: Url, own: bytes) -> None:
 
 
 def _release(lock: Url, own: bytes) -> None:
-    """Remove the lock unless it is another's by now."""
+    """Remove the lock unless another process holds it by now."""
     if _content(lock) == own:
         lock.unlink()
 
@@ -193,7 +193,7 @@ def _refusal(folder: Url, lock: Url) -> str:
 
 
 def _content(lock: Url) -> bytes | None:
-    """None where there is no lock."""
+    """Return the content of the lock; None where there is no lock."""
     try:
         return lock.read_bytes()
     except FileNotFoundError:

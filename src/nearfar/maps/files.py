@@ -1,4 +1,7 @@
-"""The files of a map: their names, whether they have changed, and whether the map is sound."""
+"""The image files of a map: their names, whether they have changed, and the check of a map.
+
+Functions that read files raise `StorageError` where object storage does not answer or refuses.
+"""
 
 import hashlib
 import os
@@ -18,19 +21,15 @@ from nearfar.maps.world.pose_store import PoseStore
 from nearfar.storage.locations import FileState, Location, Url, location
 
 SETTLED = 2 * 10**9
-"""Nanoseconds after a change in which another one may leave the time as it is."""
+"""Nanoseconds after a change within which another change may leave the time as it is."""
 UNKNOWN = FileState(-1, -1)
 
 
 def name_of(file: Location, folder: Location) -> str:
-    """The name of an image in a map.
+    """Return the name of an image file in the map at a folder.
 
-    That is its path relative to the folder that holds the map; where one of them is on a disk and
-    the other in object storage, or in another bucket, the absolute path or URL.
-
-    Args:
-        file: of the image.
-        folder: of the map.
+    The name is the path relative to the folder that holds the map. It is the absolute path or URL
+    where one is on a disk and the other in object storage, or in another bucket.
     """
     if isinstance(file, Path) and isinstance(folder, Path):
         return Path(os.path.relpath(file.resolve(), folder.resolve().parent)).as_posix()
@@ -40,7 +39,7 @@ def name_of(file: Location, folder: Location) -> str:
 
 
 def file_of(name: str, folder: Location) -> Location:
-    """The file of an image in a map; see `name_of`."""
+    """Return the file of an image by its name in the map at a folder; see `name_of`."""
     if "://" in name or (isinstance(folder, Url) and name.startswith("/")):
         return location(name)
     if isinstance(folder, Path):
@@ -49,11 +48,7 @@ def file_of(name: str, folder: Location) -> Location:
 
 
 def state_of(file: Location) -> FileState:
-    """Size and time of a file; `UNKNOWN` where it is missing or was changed just now.
-
-    Raises:
-        StorageError: the server does not answer or refuses.
-    """
+    """Return size and time of a file; `UNKNOWN` where it is missing or was changed just now."""
     try:
         if isinstance(file, Url):
             state = file.listed or file.state()
@@ -66,25 +61,17 @@ def state_of(file: Location) -> FileState:
 
 
 def is_unchanged(file: Location, image: MapImage) -> bool:
-    """Whether a file is the one of which a map holds an image, by size and time, else by content.
-
-    Raises:
-        StorageError: the server does not answer or refuses.
-    """
+    """Whether a file is still the one of a map image, by size and time, else by its content."""
     return has_state(image, state_of(file)) or content_hash(file) == image.sha256
 
 
 def has_state(image: MapImage, state: FileState) -> bool:
-    """Whether an image was made of a file with a size and time."""
+    """Whether a map image was read from a file of this size and time."""
     return state != UNKNOWN and state == FileState(image.size, image.modified)
 
 
 def content_hash(file: Location) -> str:
-    """SHA-256 of the content of a file; empty where it is missing or cannot be read.
-
-    Raises:
-        StorageError: the server does not answer or refuses.
-    """
+    """Return the SHA-256 of a file; an empty string where it is missing or cannot be read."""
     try:
         with copied(file).open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
@@ -97,8 +84,8 @@ class Problem:
     """Something that is wrong with a map.
 
     Attributes:
-        image: name of the image; None where it is the map as a whole.
-        what: in words.
+        image: name of the image; None for the map as a whole.
+        what: the problem and what to do, in words.
     """
 
     image: str | None
@@ -114,10 +101,7 @@ def check_map(store: MapStore, *, content: bool = False) -> list[Problem]:
 
     Args:
         store: the map.
-        content: read also the files whose size and time are those that were recorded.
-
-    Raises:
-        StorageError: the map or an image is in object storage that does not answer.
+        content: also read files whose size and time have not changed.
     """
     counts: dict[int, int] = {}
     for block in store.blocks():
@@ -142,7 +126,7 @@ def check_map(store: MapStore, *, content: bool = False) -> list[Problem]:
 
 
 def _of_file(image: MapImage, store: MapStore, *, content: bool) -> Iterator[str]:
-    """What is wrong with the file of an image."""
+    """Yield what is wrong with the file of an image."""
     file = file_of(image.name, store.folder)
     if not file.is_file():
         yield "the file is missing"
@@ -153,7 +137,7 @@ def _of_file(image: MapImage, store: MapStore, *, content: bool) -> Iterator[str
 
 
 def _of_poses(store: PoseStore, images: Sequence[MapImage]) -> Iterator[Problem]:
-    """What is wrong with the poses of images."""
+    """Yield what is wrong with the poses of images."""
     names = {image.id: image.name for image in images}
     ids = store.ids()
     old = len(ids - names.keys())

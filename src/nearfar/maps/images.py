@@ -1,6 +1,6 @@
-"""The image files of a map, and the tiles that large ones are cut into.
+"""The images of a map: where they come from, how they are read, and the tiles of large ones.
 
-Of GeoTIFFs, and of TIFFs that are too large to be held in memory, only tiles are read (`Raster`).
+GeoTIFFs, and TIFFs that are too large for the memory, are read tile by tile (`Raster`).
 """
 
 import functools
@@ -29,35 +29,35 @@ from nearfar.render import save
 from nearfar.storage.locations import FileState, Location, Url, location
 
 TILE = 1600
-"""Longest side of a tile, in its pixels: the size at which pairs of images are localized."""
+"""Longest side of a tile, in its own pixels: the size at which pairs of images are localized."""
 OVERLAP = 0.25
-"""Of neighbouring tiles, as a share of their side, at least."""
+"""Least overlap of neighbouring tiles, as a share of their side."""
 FINER = 2.0
-"""How much more each level of tiles shows than the one before, at most."""
+"""Largest ratio of the resolutions of two successive levels of tiles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """An image that is held in memory as a whole, as displayed (after its EXIF rotation).
+    """An image that is held in memory as a whole, after its EXIF rotation.
 
     Attributes:
-        image: at its original size.
+        image: the image at its original size.
     """
 
     image: Image
 
     @property
     def width(self) -> int:
-        """In pixels of the original."""
+        """Width of the original, in pixels."""
         return self.image.width
 
     @property
     def height(self) -> int:
-        """In pixels of the original."""
+        """Height of the original, in pixels."""
         return self.image.height
 
     def read(self, tile: Tile) -> RGBPixels:
-        """The pixels of a tile."""
+        """Return the pixels of a tile."""
         right, bottom = tile.left + tile.width, tile.top + tile.height
         window = np.ascontiguousarray(self.image.pixels[tile.top : bottom, tile.left : right])
         if (tile.width, tile.height) == (tile.columns, tile.rows):
@@ -67,18 +67,18 @@ class Photograph:
 
 
 def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
-    """The image in a file.
+    """Open the image in a file.
 
     Args:
-        file: the image; one in object storage is copied as a whole first.
-        max_pixels: that are held in memory; a larger TIFF is read tile by tile.
+        file: the image; a file in object storage is first copied as a whole.
+        max_pixels: largest number of pixels to hold in memory; a larger TIFF is read by tiles.
 
     Raises:
-        ImageError: it cannot be read, has more pixels than allowed, or is a GeoTIFF that is
-            stored turned.
-        MissingExtraError: it is a GeoTIFF or a TIFF with more pixels, and the extra `geo` is not
-            installed.
-        StorageError: it is in object storage that does not answer.
+        ImageError: the file cannot be read, has more pixels than allowed, or is a GeoTIFF that an
+            orientation tag turns.
+        MissingExtraError: the extra `geo` is not installed, and the file is a GeoTIFF or a TIFF
+            with more pixels.
+        StorageError: object storage does not answer.
     """
     if isinstance(file, Url):
         copy = copied(file)
@@ -95,11 +95,11 @@ def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
 
 
 def copied(file: Location) -> Path:
-    """A file that programs can open: itself, or a copy until two others have been asked for.
+    """Return a file on a disk: the file itself, or a copy that lasts until two others are made.
 
     Raises:
-        ImageError: it is missing.
-        StorageError: it is in object storage that does not answer.
+        ImageError: the file is missing.
+        StorageError: object storage does not answer.
     """
     if isinstance(file, Path):
         return file
@@ -110,7 +110,7 @@ def copied(file: Location) -> Path:
 
 
 class _Copy:
-    """A local copy of a file, which is removed with this object."""
+    """A local copy of a file, which is removed when this object is."""
 
     def __init__(self, file: Url) -> None:
         folder = tempfile.mkdtemp()
@@ -202,7 +202,7 @@ def image_files(images: ImageFiles) -> list[Location]:
 
     Raises:
         MapError: there is no such file, or no image in a folder.
-        StorageError: one is in object storage that does not answer.
+        StorageError: object storage does not answer.
     """
     found: dict[Location, None] = {}
     for each in [images] if isinstance(images, (str, PathLike, Url, ImageSet)) else images:
@@ -218,12 +218,12 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:
-    """The tiles of an image: the whole image first, then ever finer levels of overlapping tiles.
+    """Return the tiles of an image: the whole image, then ever finer levels of overlapping tiles.
 
     Args:
-        width: of the image.
-        height: of the image.
-        max_size: longest side to which the image is reduced at the finest level; 0: none.
+        width: width of the image, in pixels.
+        height: height of the image, in pixels.
+        max_size: longest side of the image at the finest level, in pixels; 0 does not reduce it.
     """
     longest = max(width, height)
     finest = min(1.0, max_size / longest) if max_size else 1.0
@@ -245,7 +245,10 @@ def _level(width: int, height: int, scale: float) -> list[tuple[Tile, Core]]:
 
 
 def _spans(length: int, scale: float) -> list[tuple[int, int, int, float, float]]:
-    """Start, length, length in the tile, and the core's start and end, of tiles along one side."""
+    """Return the spans of tiles along one side of an image.
+
+    Each is start and length in the image, length in the tile, and start and end of its core.
+    """
     side = min(length, math.floor(TILE / scale + 0.5))
     overlap = OVERLAP * side
     count = math.ceil((length - overlap) / (side - overlap)) if side < length else 1

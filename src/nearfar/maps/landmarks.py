@@ -1,11 +1,11 @@
 """Landmarks of a map image and of a query: windows of a pyramid, described by the shipped network.
 
-No proposals: across a large change of scale they do not repeat, but windows of a pyramid do.
+Windows take the place of box proposals, which do not repeat across a large change of scale.
 """
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
@@ -19,36 +19,36 @@ from nearfar.networks.runner import MapNetwork
 from nearfar.settings import Settings
 
 DIMENSIONS = 256
-"""Values of one vector."""
+"""Length of a descriptor."""
 STRIDE = 16
 """Pixels between neighbouring windows of the network."""
 SPACING = 32
 """Pixels between neighbouring windows that are kept."""
 STEP = math.sqrt(2)
-"""Of the pyramids."""
+"""Ratio of the resolutions of two successive levels of a pyramid."""
 SMALL, SMALL_ENLARGED = 800, 2.0
-"""Longest side of images that are enlarged, and by how much."""
+"""Longest side in pixels of images that are enlarged, and the factor of enlargement."""
 LEAST_TEXTURE = 4.0
-"""Windows whose grey values deviate less from their mean are dropped."""
+"""Least standard deviation of the grey values of a window; flatter windows are dropped."""
 QUERY_SIDES = (400, 283, 200, 141, 100)
 """Longer sides of the levels of a query, in pixels."""
-THINNED = 200
-"""In levels of this side or more every other window will do, as on a chessboard: the time of a
-search is in proportion to the windows, and those of the map lie close."""
+CHECKERBOARD_FROM = 200
+"""Longer side in pixels from which on the windows of a level of a query are subsampled like a
+checkerboard: the time of a search is proportional to them, and those of the map lie close."""
 ANGLES = tuple(range(0, 360, 45))
-"""Rotations in which a query is described, in degrees."""
+"""Rotations of a query, in degrees, in which it is described."""
 
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """Square windows of an image and their vectors.
+    """Square windows of an image and their descriptors.
 
     Attributes:
-        centre: (N, 2) in pixels of the image.
-        side: (N,) in pixels of the image.
-        angle: (N,) by how much the image was turned before the window was taken, in radians,
-            clockwise as displayed; 0 in a map.
-        vectors: (N, 256) of unit length.
+        centre: (N, 2) centres of the windows, in pixels of the image.
+        side: (N,) sides of the windows, in pixels of the image.
+        angle: (N,) rotation of the image before the window was taken, in radians, clockwise as
+            displayed; 0 in a map.
+        vectors: (N, 256) descriptors of unit length.
     """
 
     centre: Coordinates
@@ -60,33 +60,27 @@ class Landmarks:
         return len(self.side)
 
     def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Landmarks":
-        return Landmarks(
-            self.centre[chosen], self.side[chosen], self.angle[chosen], self.vectors[chosen]
-        )
+        return Landmarks(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
     @staticmethod
     def joined(parts: list["Landmarks"]) -> "Landmarks":
-        """All landmarks of some sets."""
+        """Concatenate sets of landmarks."""
         if not parts:
             none = np.empty(0)
             return Landmarks(np.empty((0, 2)), none, none, np.empty((0, DIMENSIONS), np.float16))
-        return Landmarks(
-            np.concatenate([each.centre for each in parts]),
-            np.concatenate([each.side for each in parts]),
-            np.concatenate([each.angle for each in parts]),
-            np.concatenate([each.vectors for each in parts]),
-        )
+        columns = ([getattr(part, each.name) for part in parts] for each in fields(Landmarks))
+        return Landmarks(*map(np.concatenate, columns))
 
 
 def whole_scales(width: int, height: int) -> list[float]:
-    """Scales of the levels of an image: from 1, or from 2 of a small one, down to one window."""
+    """Return the scales of the levels of an image: from 1, or 2 for a small one, to one window."""
     largest = SMALL_ENLARGED if max(width, height) <= SMALL else 1.0
     count = math.floor(math.log(largest * min(width, height) / CROP, STEP) + 1e-9)
     return [largest / STEP**index for index in range(max(0, count) + 1)]
 
 
 def finer_scales() -> list[float]:
-    """Scales of the levels of a tile of which another shows all the rest, half as large."""
+    """Return the scales of the levels of a tile; a coarser tile shows the levels below them."""
     return [1.0, 1 / STEP]
 
 
@@ -94,7 +88,7 @@ class LandmarkDescriber:
     """Finds and describes the landmarks of images.
 
     Args:
-        settings: `weights["nearfar"]`, where another model than the shipped one is to be used.
+        settings: `weights["nearfar"]` names a model to use instead of the shipped one.
 
     Raises:
         WeightsError: the file that the settings name is not a landmark network.
@@ -105,17 +99,17 @@ class LandmarkDescriber:
         self._network = MapNetwork(model, STRIDE, (CROP - 1) / 2)
 
     def of_map(self, pixels: RGBPixels, scales: list[float]) -> Landmarks:
-        """Landmarks of a map image, in its pixels.
+        """Return the landmarks of a map image, in its pixels.
 
         Args:
             pixels: the image.
-            scales: of the levels of its pyramid.
+            scales: scales of the levels of its pyramid.
         """
         levels = [resized(pixels, scale) for scale in scales]
         return Landmarks.joined([self._windows(seen, matrix, 0.0) for seen, matrix in levels])
 
     def of_query(self, pixels: RGBPixels) -> Landmarks:
-        """Landmarks of a query in all rotations, in its pixels."""
+        """Return the landmarks of a query in all rotations, in its pixels."""
         return Landmarks.joined(list(self._of_query(pixels)))
 
     def _of_query(self, pixels: RGBPixels) -> Iterator[Landmarks]:
@@ -126,20 +120,25 @@ class LandmarkDescriber:
                 angle = math.radians(degrees)
                 seen, seen_from_reduced = turned(reduced, angle)
                 matrix = seen_from_reduced @ reduced_from_query
-                found = self._windows(seen, matrix, angle, thinned=side >= THINNED)
+                found = self._windows(seen, matrix, angle, halved=side >= CHECKERBOARD_FROM)
                 least, most = [-0.5, -0.5], [width - 0.5, height - 0.5]
                 yield found[np.all((found.centre >= least) & (found.centre <= most), axis=1)]
 
     def _windows(
-        self, pixels: RGBPixels, seen_from_image: Matrix3, angle: float, *, thinned: bool = False
+        self,
+        pixels: RGBPixels,
+        seen_from_image: Matrix3,
+        angle: float,
+        *,
+        halved: bool = False,
     ) -> Landmarks:
-        """The windows of one level, in pixels of the image.
+        """Return the windows of one level, in pixels of the image.
 
         Args:
             pixels: the level.
             seen_from_image: maps pixels of the image to the level.
             angle: see `Landmarks`.
-            thinned: whether to keep every other one, that in the middle among them.
+            halved: whether to keep only every other window, the one in the middle included.
         """
         padded = _in_granules(pixels)
         vectors = self._network.feature_map(padded).values[
@@ -148,7 +147,7 @@ class LandmarkDescriber:
         rows, columns = vectors.shape[:2]
         grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
         kept = _texture(padded)[:rows, :columns].ravel() >= LEAST_TEXTURE
-        if thinned:
+        if halved:
             kept &= grid.sum(axis=1) % 2 == (rows // 2 + columns // 2) % 2
         image_from_seen = np.linalg.inv(seen_from_image)
         centre = transform(image_from_seen, (CROP - 1) / 2 + SPACING * grid[kept].astype(float))
@@ -163,17 +162,16 @@ class LandmarkDescriber:
 
 
 def turned(pixels: RGBPixels, angle: float) -> tuple[RGBPixels, Matrix3]:
-    """The image turned clockwise about its centre, on a canvas continued by reflection.
+    """Turn an image clockwise about its centre, on a canvas that reflection fills.
 
-    The canvas is so large, and placed so, that windows cover the whole image and one of them is
-    centred at the image's centre.
+    Windows of the canvas cover the whole image, and one of them has the image's centre.
 
     Args:
         pixels: the image.
-        angle: in radians.
+        angle: rotation in radians.
 
     Returns:
-        The canvas, and the transform from pixels of the image to it.
+        The canvas, and the transform from pixels of the image to pixels of the canvas.
     """
     height, width = pixels.shape[:2]
     cos, sin = math.cos(angle), math.sin(angle)
@@ -189,14 +187,14 @@ def turned(pixels: RGBPixels, angle: float) -> tuple[RGBPixels, Matrix3]:
 
 
 def _in_granules(pixels: RGBPixels) -> RGBPixels:
-    """The image continued by reflection to full granules of the network, at least one window."""
+    """Pad an image by reflection to whole granules of the network, at least one window."""
     height, width = pixels.shape[:2]
     missing = [max(CROP - side, -side % GRANULE) for side in (height, width)]
     return np.pad(pixels, ((0, missing[0]), (0, missing[1]), (0, 0)), "symmetric")
 
 
 def _texture(pixels: RGBPixels) -> NDArray[np.float64]:
-    """(rows, columns) standard deviation of the grey values of each window that is kept."""
+    """Return (rows, columns) standard deviations of the grey values of the windows."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     sums = np.stack(cv2.integral2(grey), axis=-1).astype(np.float64)
     corners = sums[::SPACING, ::SPACING]

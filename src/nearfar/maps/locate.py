@@ -1,4 +1,4 @@
-"""Locating a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
+"""Locate a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -22,7 +22,7 @@ from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
-from nearfar.maps.verification import Candidate, group_by_tile, localized_in
+from nearfar.maps.verification import Candidate, group_by_tile, localize_in_tile
 from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
 from nearfar.maps.world.places import geo_place
 from nearfar.maps.world.pose_store import PoseStore
@@ -33,17 +33,17 @@ from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 
 HITS = 20
-"""Map landmarks that each landmark of a query is compared by."""
+"""Number of nearest map landmarks for each landmark of a query."""
 HYPOTHESES_PER_CANDIDATE = 3
-"""Hypotheses that are considered for each candidate that may be verified."""
-SURE = 0.9
-"""Confidence of an answer beyond which no further one is sought."""
-ASIDE = around(2, 4)
-"""Views of a query that is not found as it is: the windows of a map are not tilted."""
+"""Number of hypotheses that are considered for each candidate that may be verified."""
+CONFIDENT = 0.9
+"""Confidence from which on an answer counts as confident, so that no further one is sought."""
+TILTED = around(2, 4)
+"""Simulated views of a query without a confident answer: the windows of a map are not tilted."""
 VIEW_SIDE = 2 * max(QUERY_SIDES)
-"""Longest side in pixels of what these are made of."""
-CACHED = 10**8
-"""Bytes of features that are kept: of the query and of the tiles that it was sought in last."""
+"""Longest side in pixels of the image that views are simulated from."""
+CACHED_BYTES = 10**8
+"""Size of the cache for features of the query and of the tiles that were verified last."""
 CANDIDATES_FOR_POSE = 3
 """Retrieve this many times more candidates for a pose, then re-rank them by distance to the first
 confident answer: its neighbours show most of the same scene."""
@@ -53,12 +53,12 @@ class MapLocator:
     """Locates queries in a map.
 
     Args:
-        store: the map.
-        settings: of the method `adaptive`, which verifies candidates.
+        store: the tables of the map.
+        settings: settings of the method `adaptive`, which verifies candidates.
 
     Raises:
         MapError: the map was made with another descriptor.
-        WeightsError: the descriptor's file cannot be read.
+        WeightsError: the file of the descriptor cannot be read.
     """
 
     def __init__(self, store: MapStore, settings: Settings) -> None:
@@ -66,7 +66,7 @@ class MapLocator:
         self._store = store
         self._settings = settings
         self._describer = LandmarkDescriber(settings)
-        self._localizer = Localizer(settings, cache_bytes=CACHED, same_place=True)
+        self._localizer = Localizer(settings, cache_bytes=CACHED_BYTES, same_place=True)
         self._images = {image.id: image for image in store.images() if image.usable}
         self._poses = PoseStore(store.folder)
 
@@ -81,7 +81,7 @@ class MapLocator:
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
-        for views in ((FRONTAL,), ASIDE):
+        for views in ((FRONTAL,), TILTED):
             waiting = self._candidates(query, views, most, timer)
             seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._poses, seen, camera)
@@ -90,7 +90,7 @@ class MapLocator:
                 checked, found = self._verified(waiting, query, posing, wanted, candidates)
             verified += checked
             answers += found
-            if _sure(answers):
+            if _confident(answers):
                 break
         answers.sort(key=lambda each: (-each.confidence, -each.votes))
         pose = None
@@ -146,11 +146,13 @@ class MapLocator:
             verified.append(checked)
             if answer is not None:
                 answers.append(answer)
-            sure = _sure(answers)
-            if len(sure) >= wanted:
+            confident = _confident(answers)
+            if len(confident) >= wanted:
                 break
-            if posing is not None and len(sure) == 1:
-                waiting.sort(key=lambda each: posing.apart(self._images[each.image].name, sure[0]))
+            if posing is not None and len(confident) == 1:
+                waiting.sort(
+                    key=lambda each: posing.distance(self._images[each.image].name, confident[0])
+                )
         return verified, answers
 
     def _verify(
@@ -163,7 +165,7 @@ class MapLocator:
         except ImageError as error:
             return VerifiedCandidate(image.name, candidate.votes, 0.0, str(error)), None
         cameras = None if posing is None else posing.cameras(image.name)
-        found = localized_in(self._localizer, candidate, pixels, query.pixels, cameras)
+        found = localize_in_tile(self._localizer, candidate, pixels, query.pixels, cameras)
         confidence = found.confidence or 0.0
         checked = VerifiedCandidate(image.name, candidate.votes, confidence, found.reason)
         if not found.localized:
@@ -172,10 +174,10 @@ class MapLocator:
         return checked, self._answer(candidate, image, found, images)
 
     def _pixels(self, candidate: Candidate, image: MapImage) -> RGBPixels:
-        """The pixels of a candidate, whose stored keypoints the localizer is told of.
+        """Return the pixels of a candidate; give its stored keypoints to the localizer.
 
         Raises:
-            ImageError: the file is missing or no longer the one of which the map was made.
+            ImageError: the file is missing or has changed since the map was built.
         """
         file = file_of(image.name, self._store.folder)
         if not is_unchanged(file, image):
@@ -215,13 +217,13 @@ class MapLocator:
         )
 
 
-def _sure(answers: Iterable[MapAnswer]) -> list[str]:
-    """The images of the answers beyond which no further ones are sought."""
-    return [each.image for each in answers if each.confidence >= SURE]
+def _confident(answers: Iterable[MapAnswer]) -> list[str]:
+    """Return the images of the confident answers."""
+    return [each.image for each in answers if each.confidence >= CONFIDENT]
 
 
 def _seen(query: Image, view: View) -> tuple[RGBPixels, Matrix3]:
-    """A view of the query, and the transform from the query's pixels to it."""
+    """Return a view of the query, and the transform from pixels of the query to the view."""
     if view == FRONTAL:
         return query.pixels, np.eye(3)
     reduced, reduced_from_query = resized(

@@ -1,4 +1,4 @@
-"""What a map was made with; other software, settings or descriptors cannot use it."""
+"""The manifest of a map: the format, descriptor and image size that it was made with."""
 
 import dataclasses
 import hashlib
@@ -14,9 +14,9 @@ from nearfar.storage.locations import Location, replaced
 
 FILE = "nearfar-map.json"
 FORMAT = 2
-"""Changes with the tables, and with every constant that changes what is stored in them."""
+"""Version of the tables; it changes with every constant that changes what they store."""
 OLDEST = 1
-"""Format from which on a map can be upgraded; see `upgrade`."""
+"""Oldest format that can be upgraded; see `creation.upgrade`."""
 DESCRIPTOR = "nearfar"
 
 
@@ -26,10 +26,10 @@ class Manifest:
 
     Attributes:
         format: version of the format.
-        nearfar: version of this package that made the map.
+        nearfar: version of nearfar that made the map.
         descriptor: name of the landmark descriptor.
-        model: SHA-256 of its network.
-        max_size: longest side to which images were reduced, in pixels; 0: not at all.
+        model: SHA-256 of the network of the descriptor.
+        max_size: longest side to which images were reduced, in pixels; 0: not reduced.
     """
 
     format: int
@@ -39,10 +39,10 @@ class Manifest:
     max_size: int
 
     def write(self, folder: Location) -> None:
-        """Write it into the folder of a map, or replace the one there as a whole.
+        """Write the manifest into the folder of a map, or replace the one there as a whole.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file cannot be written.
         """
         text = json.dumps(dataclasses.asdict(self), indent=1) + "\n"
         if isinstance(folder, Path):
@@ -52,22 +52,22 @@ class Manifest:
             (folder / FILE).write_text(text, encoding="utf-8")
 
     def check_max_size(self, asked: int | None, folder: Location) -> None:
-        """Check that the map was made of images reduced to a size; None fits any.
+        """Check that images were reduced to the size that is asked for; None fits any.
 
         Raises:
-            MapError: it was not.
+            MapError: they were reduced to another size.
         """
         if asked not in (None, self.max_size):
             raise MapError(
                 f"the map {folder} was made with a max_size of {self.max_size}, not {asked}: leave "
-                f"it out, or build another map"
+                f"max_size out, or build another map"
             )
 
     def check_model(self, settings: Settings, folder: Location) -> None:
         """Check that the map was made with the descriptor of the settings.
 
         Raises:
-            MapError: it was not.
+            MapError: the map was made with another descriptor.
             WeightsError: the settings name a file that cannot be read.
         """
         asked = model_hash(settings)
@@ -80,7 +80,7 @@ class Manifest:
 
 
 def manifest_for(settings: Settings, max_size: int) -> Manifest:
-    """The manifest of a new map.
+    """Return the manifest of a new map.
 
     Raises:
         WeightsError: the settings name a file that cannot be read.
@@ -90,16 +90,16 @@ def manifest_for(settings: Settings, max_size: int) -> Manifest:
 
 
 def model_hash(settings: Settings) -> str:
-    """SHA-256 of the network that the settings name."""
+    """Return the SHA-256 of the descriptor's network that the settings name."""
     return hashlib.sha256(landmark_network(settings)).hexdigest()
 
 
 def read_manifest(folder: Location) -> Manifest:
-    """The manifest of a map.
+    """Return the manifest of a map of the present format.
 
     Raises:
-        MapError: there is no map, or it is one of another format.
-        StorageError: it is in object storage that does not answer.
+        MapError: there is no map, or it has another format.
+        StorageError: object storage does not answer.
     """
     found = read_any_manifest(folder)
     if OLDEST <= found.format < FORMAT:
@@ -116,18 +116,18 @@ def read_manifest(folder: Location) -> Manifest:
 
 
 def read_any_manifest(folder: Location) -> Manifest:
-    """The manifest of a map of any format that `nearfar map upgrade` knows, or of another one.
+    """Return the manifest of a map of any format.
 
     Raises:
         MapError: there is no map, or its manifest is damaged.
-        OSError: it cannot be read.
-        StorageError: it is in object storage that does not answer.
+        OSError: the manifest cannot be read.
+        StorageError: object storage does not answer.
     """
     try:
         content = json.loads((folder / FILE).read_text(encoding="utf-8"))
         known = {each.name: content[each.name] for each in dataclasses.fields(Manifest)}
         return Manifest(**{**known, "format": int(content["format"])})
     except (FileNotFoundError, NotADirectoryError):
-        raise MapError(f"{folder} is no map: make one with `nearfar map build`") from None
+        raise MapError(f"{folder} is not a map: make one with `nearfar map build`") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(f"{folder / FILE} is damaged: build the map anew") from None

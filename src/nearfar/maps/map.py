@@ -1,4 +1,4 @@
-"""A map: images, and others located in them."""
+"""A map: many images, in which other images are located."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -26,22 +26,22 @@ from nearfar.settings import Settings
 from nearfar.storage.locations import Location, location
 
 TOP, CANDIDATES = 1, 5
-"""Answers to seek, and candidates to verify for them."""
+"""Default number of answers to seek, and of candidates to verify."""
 
 
 class Map:
-    """The images of a map; its state when it was opened, and its own changes.
+    """An open map: its images as they were when it was opened, and the changes made since then.
 
-    Not to be used by several threads at once; each can open the map for itself. Every method raises
-    `StorageError` where the map is in object storage that does not answer.
+    A `Map` must not be used by several threads at once; each can open the map for itself. Every
+    method raises `StorageError` where the map is in object storage that does not answer.
 
     Args:
-        folder: of the map.
-        settings: of the method `adaptive`, which verifies where an image may lie, and the weights
-            of the descriptor.
+        folder: folder of the map.
+        settings: settings of the method `adaptive`, which verifies candidates; `weights` can name
+            another model of the descriptor.
 
     Raises:
-        MapError: there is no map, or it is one of another format.
+        MapError: there is no map, or it has another format.
         SettingsError: the settings are for another method.
     """
 
@@ -54,7 +54,7 @@ class Map:
 
     @staticmethod
     def create(folder: Location, settings: Settings, max_size: int) -> "Map":
-        """A new map without images.
+        """Make a map without images.
 
         Raises:
             MapError: the folder holds something else.
@@ -74,17 +74,17 @@ class Map:
 
     @property
     def folder(self) -> Location:
-        """Where the map is."""
+        """The folder of the map."""
         return self._store.folder
 
     @property
     def manifest(self) -> Manifest:
-        """What the map was made with."""
+        """The format, descriptor and image size that the map was made with."""
         return self._store.manifest
 
     @property
     def images(self) -> tuple[MapImage, ...]:
-        """The images, also those that could not be read, sorted by name."""
+        """All images, also those that could not be read, sorted by name."""
         return tuple(self._store.images())
 
     def locate(
@@ -99,14 +99,14 @@ class Map:
 
         Args:
             image: path or array (RGB).
-            top: how many answers to seek.
-            candidates: how many candidates to verify, those with most votes; where no answer is
-                confident, the same number again with simulated views of the image.
-            intrinsics: of the image's camera, "query" of a file or mapping; with them, and map
-                images whose poses are known, the answer has the pose of the image.
+            top: number of answers to seek.
+            candidates: number of candidates to verify, those with most votes. Where no answer is
+                confident, as many are verified again with simulated views of the image.
+            intrinsics: camera that took the image, "query" of a file or mapping. With it, and map
+                images whose poses are known, the result has the pose of the image.
 
         Returns:
-            The answers, best first; none where the image was not found.
+            The answers, best first; without answers where the image was not found.
 
         Raises:
             ImageError: the image cannot be read.
@@ -130,23 +130,23 @@ class Map:
         scheduler: str | None = None,
         progress: Progress = silent,
     ) -> Added:
-        """Add images; those that are there already are left, those that have changed replaced.
+        """Add images; leave those that the map has already, and replace those that have changed.
 
-        Where 200,000 landmarks have no index, one is built.
+        An index is built where 200,000 landmarks have none.
 
         Args:
             images: files, folders, of which all images are added, and patterns such as
                 `photos/*.jpg`; paths, or URLs of object storage; or an `ImageSet`.
-            jobs: local processes.
+            jobs: number of local processes.
             scheduler: address of a Dask cluster whose workers describe the images instead; they
-                read the files themselves, at the same paths.
-            progress: is told how many of how many images are done.
+                read the files at the same paths.
+            progress: is called with the number of images done and of all images.
 
         Raises:
             ClusterError: the cluster cannot be used.
-            MapError: there is no such file, another process is writing, the map was made with
-                another descriptor, or its tables cannot be written, e.g. on a full disk; what was
-                committed is kept.
+            MapError: a file does not exist, another process is writing, the map was made with
+                another descriptor, or its tables cannot be written, e.g. on a full disk. Images
+                that were committed are kept.
             SettingsError: `jobs` is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
@@ -168,7 +168,7 @@ class Map:
             images: images that were added, in the order of the source where it has no names.
 
         Returns:
-            How many images have a pose now by the source.
+            Number of images that have a pose by the source now.
 
         Raises:
             MapError: no image has a pose in the source, it does not fit the images, gives
@@ -193,13 +193,13 @@ class Map:
             return len(poses)
 
     def remove(self, names: Iterable[str | PathLike[str]]) -> int:
-        """Remove images.
+        """Remove images; their files are left.
 
         Args:
-            names: of images as the map has them, or paths of their files.
+            names: names of images in the map, or paths of their files.
 
         Returns:
-            How many there were.
+            Number of images that were removed.
 
         Raises:
             MapError: an image is not in the map, or another process is writing; nothing is removed.
@@ -213,22 +213,24 @@ class Map:
 
     @property
     def posed(self) -> set[int]:
-        """Ids of the images whose camera and pose are known."""
+        """Ids of the images with a known camera and pose."""
         return PoseStore(self.folder).ids()
 
     def check(self, *, content: bool = False) -> list[Problem]:
-        """Return what is wrong with the map, the files of its images and their poses.
+        """Return the problems of the map, of the files of its images and of their poses.
 
         Args:
-            content: read also the files whose size and time are those that were recorded.
+            content: also read files whose size and time have not changed.
         """
         return check_map(self._store, content=content)
 
     def compact(self) -> bool:
-        """Merge files, remove those not needed for an hour, and index many landmarks.
+        """Merge the files of the map, remove old ones, and index the landmarks of a large map.
+
+        Files that only readers of an older state need are removed after an hour.
 
         Returns:
-            Whether there is an index.
+            Whether the landmarks have an index.
 
         Raises:
             MapError: another process is writing.
@@ -238,7 +240,7 @@ class Map:
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """Be the only writer; what is remembered of the images is forgotten."""
+        """Be the only writer, and drop what the locator has cached."""
         with self._store.writing():
             self._locator = None
             yield

@@ -1,4 +1,4 @@
-"""Hits: the landmarks of a map that are most like those of a query."""
+"""Hits: the nearest neighbours of a query's landmarks among the landmarks of a map."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from nearfar.maps.store import MapStore
 from nearfar.maps.tables import Block
 
 NONE = -1
-"""Image of a hit that is missing, where the map has too few landmarks."""
+"""Image id of a missing hit, where the map has too few landmarks."""
 QUERIES_AT_ONCE = 256
-"""That an index is asked for; bounds the memory."""
+"""Number of descriptors per request to an index; bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """The K map landmarks most like each of Q query landmarks, the best first.
+    """The K nearest map landmarks of each of Q query landmarks, the nearest first.
 
     Attributes:
-        similarity: (Q, K) cosines; -1 where there is none.
-        image: (Q, K) ids of images; `NONE` where there is none.
+        similarity: (Q, K) cosine similarities; -1 where a hit is missing.
+        image: (Q, K) ids of the images of the hits; `NONE` where a hit is missing.
         place: (Q, K, 3) x and y of the centre, and side, in pixels of the original image.
     """
 
@@ -33,13 +33,13 @@ class Hits:
 def nearest(
     blocks: Iterable[Block], vectors: NDArray[np.float16], count: int, images: Iterable[int]
 ) -> Hits:
-    """Compare with every landmark of a map.
+    """Return the exact nearest neighbours, by comparison with every landmark of a map.
 
     Args:
-        blocks: the landmarks.
-        vectors: (Q, 256) of the query, of unit length.
-        count: K.
-        images: ids of images that count.
+        blocks: the landmarks of the map.
+        vectors: (Q, 256) descriptors of the query, of unit length.
+        count: number K of neighbours.
+        images: ids of the images to search in.
     """
     queries = vectors.astype(np.float32)
     known = np.array(sorted(images), np.int64)
@@ -64,20 +64,13 @@ def nearest(
 def nearest_by_index(
     store: MapStore, vectors: NDArray[np.float16], count: int, images: Iterable[int]
 ) -> Hits:
-    """The same by the index of a map, which misses some.
-
-    Args:
-        store: a map with an index.
-        vectors: (Q, 256) of the query, of unit length.
-        count: K.
-        images: ids of images that count.
-    """
+    """Return approximate nearest neighbours, by the index of a map; see `nearest`."""
     known = np.array(sorted(images), np.int64)
     similarity = np.full((len(vectors), count), -1, np.float32)
     image = np.full((len(vectors), count), NONE, np.int64)
     place = np.zeros((len(vectors), count, 3), np.float32)
     for start in range(0, len(vectors), QUERIES_AT_ONCE):
-        found = store.like(vectors[start : start + QUERIES_AT_ONCE])
+        found = store.nearest(vectors[start : start + QUERIES_AT_ONCE])
         order = np.lexsort((-found.similarity, found.query))
         order = order[np.isin(found.image[order], known)]
         query = found.query[order]
@@ -91,7 +84,7 @@ def nearest_by_index(
 
 
 class _Best:
-    """The highest similarities so far of each row, in falling order, and their columns."""
+    """The highest similarities of each row so far, in falling order, and their columns."""
 
     def __init__(self, similarity: NDArray[np.float32], index: NDArray[np.intp]) -> None:
         self.similarity = similarity
@@ -102,9 +95,9 @@ class _Best:
         return _Best(np.full((rows, count), -1, np.float32), np.full((rows, count), -1, np.intp))
 
     def update(self, similarity: NDArray[np.float32], start: int) -> None:
-        """Take (rows, N) further similarities into account, whose columns start at `start`.
+        """Merge (rows, N) further similarities, whose columns start at `start`.
 
-        After the first blocks few exceed the least that is kept, and those alone are sorted.
+        After the first blocks few exceed the least that is kept; only those are sorted.
         """
         rows, count = self.similarity.shape
         better = similarity > self.similarity[:, -1:]
@@ -123,6 +116,6 @@ class _Best:
 
 
 def _at_rank(similarity: NDArray[np.float32], rank: int) -> NDArray[np.float32]:
-    """(rows, 1) the similarity of each row that so many are not below; the least of few."""
+    """Return (rows, 1) the similarity at a rank of each row, or the least of a shorter row."""
     kept = min(rank, similarity.shape[1])
     return np.partition(similarity, -kept, axis=1)[:, -kept, np.newaxis]

@@ -1,8 +1,8 @@
-"""The tables of a map, on disk or in object storage: images, their tiles and their landmarks.
+"""The store of a map, on disk or in object storage: tables of images, tiles and landmarks.
 
 LanceDB commits each change to a table as a whole. Tiles and landmarks of an image are committed
-before its row in `images`; without that row they do not count, and the next writer removes them.
-A process may therefore be killed at any time. A reader sees the map as it was when it was opened.
+before its row in `images`. Without that row they do not count, and the next writer removes them,
+so a process may be killed at any time. A reader sees the map as it was when it was opened.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -24,7 +24,7 @@ from nearfar.maps.tables import (
     WINDOW,
     Block,
     Indexed,
-    Likeness,
+    IndexHits,
     MapImage,
     block_of,
     landmark_rows,
@@ -35,27 +35,29 @@ from nearfar.maps.tables import (
 from nearfar.storage.locations import Location
 
 INDEX_FROM = 200_000
-"""Landmarks without an index from which on one is built; comparing with fewer takes less time."""
+"""Number of landmarks without an index from which on one is built; below it, comparing with all
+landmarks is faster."""
 KEPT = timedelta(hours=1)
-"""How long files stay that only readers of an older state of the map need."""
+"""Time for which files are kept that only readers of an older state of the map need."""
 PROBES, LANDMARKS_PER_PROBE = 20, 50_000
-"""Least number of index partitions to probe, and landmarks of the map for each of them."""
+"""Least number of partitions of the index to probe, and landmarks of the map per partition."""
 COMPARED = 80
-"""Landmarks that the index finds there for each vector; their exact similarity is computed."""
+"""Number of landmarks that the index finds for each descriptor, to be compared exactly."""
 READ_AT_ONCE = 4096
-"""Landmarks that are read together."""
+"""Number of landmarks that are read together."""
 
 
 class MapStore:
     """The tables of a map that exists.
 
+    Every method raises `MapError` where the tables cannot be read or written, e.g. on a full disk,
+    and `StorageError` where object storage does not answer.
+
     Args:
-        folder: of the map.
+        folder: folder of the map.
 
     Raises:
-        MapError: there is no map, or it is one of another format; like every method, also where
-            the tables cannot be read or written, e.g. on a full disk.
-        StorageError: it is in object storage that does not answer; so does every method.
+        MapError: there is no map, or it has another format.
     """
 
     def __init__(self, folder: Location) -> None:
@@ -63,7 +65,7 @@ class MapStore:
         self.manifest = read_manifest(folder)
         with database_errors(folder):
             database = connect(folder)
-            # In this order: what an image needs is there before the image.
+            # Opened in this order, so that the parts of an image are there before its row.
             tables = [open_table(database, name, folder) for name in SCHEMAS]
         if any(table is None for table in tables):
             raise MapError(f"the map {folder} lacks tables: build it anew")
@@ -71,7 +73,7 @@ class MapStore:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Be the only writer; what a writer that was killed left behind is removed first.
+        """Be the only writer; first remove what a writer that was killed left behind.
 
         Raises:
             MapError: another process is writing.
@@ -85,7 +87,7 @@ class MapStore:
 
     @own_errors
     def images(self) -> list[MapImage]:
-        """All images, also those that could not be read, sorted by name."""
+        """Return all images, also those that could not be read, sorted by name."""
         rows = self._images.search().to_list()
         names = [field.name for field in IMAGES]
         found = [MapImage(**{name: row[name] for name in names}) for row in rows]
@@ -93,20 +95,20 @@ class MapStore:
 
     @own_errors
     def tiles(self, image: int) -> list[Tile]:
-        """The tiles of an image."""
+        """Return the tiles of an image."""
         rows = self._tiles.search().where(f"image = {image}").select(list(WINDOW)).to_list()
         return [Tile(*(row[name] for name in WINDOW)) for row in rows]
 
     @own_errors
     def keypoints(self, image: int, tile: Tile) -> bytes | None:
-        """The packed keypoints of a tile; None where there is no such tile."""
+        """Return the packed keypoints of a tile; None where there is no such tile."""
         same = [f"{name} = {getattr(tile, name)}" for name in WINDOW]
         condition = " AND ".join([f"image = {image}", *same])
         rows = self._tiles.search().where(condition).select(["keypoints"]).limit(1).to_list()
         return rows[0]["keypoints"] if rows else None
 
     def blocks(self) -> Iterator[Block]:
-        """All landmarks, some at a time, those without an image included."""
+        """Yield all landmarks in blocks, also those without an image."""
         query = self._landmarks.search().select(["image", "x", "y", "side", "vector"])
         with database_errors(self.folder):
             for batch in query.to_batches(READ_AT_ONCE):
@@ -115,32 +117,32 @@ class MapStore:
     @property
     @own_errors
     def indexed(self) -> bool:
-        """Whether landmarks have an index."""
+        """Whether the landmarks have an index."""
         return bool(self._landmarks.list_indices())
 
     @own_errors
-    def like(self, vectors: NDArray[np.float16]) -> Likeness:
-        """The landmarks most like (N, D) vectors by the index, `COMPARED` of each or fewer."""
+    def nearest(self, vectors: NDArray[np.float16]) -> IndexHits:
+        """Return at most `COMPARED` near landmarks of each of (N, D) descriptors, by the index."""
         queries = vectors.astype(np.float32)
         probes = max(PROBES, self.landmark_count() // LANDMARKS_PER_PROBE)
         asked = self._landmarks.search(queries).distance_type("cosine").nprobes(probes)
         found = asked.limit(COMPARED).with_row_id(True).select(["_distance"]).to_arrow()
         if len(queries) > 1:
             query = found["query_index"].to_numpy().astype(np.intp)
-        else:  # LanceDB numbers several alone.
+        else:  # LanceDB numbers queries only where there are several.
             query = np.zeros(len(found), np.intp)
-        # Read together: LanceDB's own exact comparison reads one by one, at ten times the time.
+        # Read together: LanceDB's own exact comparison reads rows one by one, ten times slower.
         rows, which = np.unique(found["_rowid"].to_numpy(), return_inverse=True)
         taken = self._landmarks.take_row_ids(rows.tolist()).with_row_id()
         table = taken.select(["image", "x", "y", "side", "vector"]).to_arrow()
         block = block_of(table.sort_by("_rowid").combine_chunks())
         own = block.vectors[which].astype(np.float32)
         similarity = np.einsum("nd,nd->n", queries[query], own)
-        return Likeness(query, block.image[which], block.place[which], similarity)
+        return IndexHits(query, block.image[which], block.place[which], similarity)
 
     @own_errors
     def landmark_count(self) -> int:
-        """How many landmarks there are, those without an image included."""
+        """Return the number of landmarks, also of those without an image."""
         return int(self._landmarks.count_rows())
 
     @own_errors
@@ -160,7 +162,7 @@ class MapStore:
 
     @own_errors
     def renew(self, images: Sequence[MapImage]) -> None:
-        """Take over size and time of files whose content is the same.
+        """Update size and time of files whose content is unchanged.
 
         Must be called within `writing`.
         """
@@ -180,7 +182,7 @@ class MapStore:
         """Index the landmarks where many have no index; must be called within `writing`.
 
         Args:
-            index_from: how many are many; None: `INDEX_FROM`.
+            index_from: number of landmarks from which on; None: `INDEX_FROM`.
         """
         least = INDEX_FROM if index_from is None else index_from
         indices = self._landmarks.list_indices()
@@ -193,7 +195,7 @@ class MapStore:
 
     @own_errors
     def compact(self, index_from: int | None = None) -> bool:
-        """Merge the files of the tables, remove what is not needed, index many landmarks.
+        """Merge the files of the tables, remove old ones, and index the landmarks.
 
         Must be called within `writing`.
 
@@ -201,7 +203,7 @@ class MapStore:
             index_from: see `index`.
 
         Returns:
-            Whether there is an index.
+            Whether the landmarks have an index.
         """
         self.index(index_from)
         for table in (self._images, self._tiles, self._landmarks):
@@ -210,23 +212,23 @@ class MapStore:
 
     @own_errors
     def orphans(self) -> set[int]:
-        """Ids that tiles or landmarks have but no usable image."""
+        """Return the ids that tiles or landmarks have but no usable image."""
         ids = owners(self._tiles) | owners(self._landmarks)
         return ids - {each.id for each in self.images() if each.usable}
 
     @own_errors
     def tiled(self) -> set[int]:
-        """Ids that tiles have."""
+        """Return the ids of images with tiles."""
         return owners(self._tiles)
 
     def _ids(self, names: Collection[str]) -> set[int]:
-        """The ids of those of some images that there are."""
+        """Return the ids of images by their names, without names that are unknown."""
         quoted = ", ".join("'" + name.replace("'", "''") + "'" for name in names)
         rows = self._images.search().where(f"name IN ({quoted})").select(["id"]).to_list()
         return {row["id"] for row in rows}
 
     def _put_images(self, images: Sequence[MapImage]) -> None:
-        """Add rows, or replace those of the same names."""
+        """Add rows of images, or replace those of the same names."""
         rows = [[getattr(image, field.name) for image in images] for field in IMAGES]
         upsert = self._images.merge_insert("name").when_matched_update_all()
         upsert.when_not_matched_insert_all().execute(table_of(rows, IMAGES))

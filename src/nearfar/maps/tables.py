@@ -1,4 +1,4 @@
-"""The tables of a map: their columns and the rows they hold."""
+"""The columns of the tables of a map, and what their rows hold."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ class MapImage:
     """An image of a map.
 
     Attributes:
-        id: number by which tiles and landmarks name it; it tells name and content.
-        name: path of its file, relative to the folder that holds the map.
-        sha256: of the file's content; empty where that could not be read.
-        width: as displayed, in pixels; 0 where it could not be read.
-        height: the same.
-        status: "ok", or why it could not be read.
-        landmarks: how many it has.
-        size: of the file, in bytes; -1 where the file has to be read again.
+        id: number by which tiles and landmarks refer to the image, a hash of name and content.
+        name: path of the file relative to the folder that holds the map.
+        sha256: SHA-256 of the file; empty where it could not be read.
+        width: as displayed, in pixels; 0 where the image could not be read.
+        height: as displayed, in pixels; 0 where the image could not be read.
+        status: "ok", or why the image could not be read.
+        landmarks: number of its landmarks.
+        size: size of the file in bytes; -1 where the next build has to read the file again.
         modified: time of the file's last change, in nanoseconds since 1970; -1 likewise.
     """
 
@@ -50,7 +50,7 @@ class MapImage:
 
     @property
     def usable(self) -> bool:
-        """Whether it could be read."""
+        """Whether the image could be read."""
         return self.status == OK
 
 
@@ -59,9 +59,9 @@ class Indexed:
     """All that a map holds of one image.
 
     Attributes:
-        image: its row.
+        image: row of the image.
         tiles: each tile with its packed keypoints.
-        landmarks: in pixels of the original image.
+        landmarks: landmarks in pixels of the original image.
     """
 
     image: MapImage
@@ -74,9 +74,9 @@ class Block:
     """Some landmarks of a map.
 
     Attributes:
-        image: (N,) ids of their images.
+        image: (N,) ids of the images that show the landmarks.
         place: (N, 3) x and y of the centre, and side, in pixels of the original image.
-        vectors: (N, 256).
+        vectors: (N, 256) descriptors of unit length.
     """
 
     image: NDArray[np.int64]
@@ -85,14 +85,14 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Likeness:
-    """What an index finds, in any order.
+class IndexHits:
+    """Nearest neighbours that an index finds, in any order.
 
     Attributes:
-        query: (N,) number of the query landmark.
-        image: (N,) id of the image of the map landmark.
-        place: (N, 3) as in `Block`.
-        similarity: (N,) cosine.
+        query: (N,) numbers of the query landmarks.
+        image: (N,) ids of the images of the map landmarks.
+        place: (N, 3) centres and sides as in `Block`.
+        similarity: (N,) cosine similarities.
     """
 
     query: NDArray[np.intp]
@@ -142,7 +142,7 @@ def make_tables(folder: Location) -> None:
 
 
 def owners(table: Any) -> set[int]:
-    """The ids of images that the rows of a table are of."""
+    """Return the ids of the images that the rows of a table belong to."""
     ids: set[int] = set()
     for batch in table.search().select(["image"]).to_batches():
         ids.update(np.unique(batch["image"].to_numpy()).tolist())
@@ -150,14 +150,14 @@ def owners(table: Any) -> set[int]:
 
 
 def block_of(rows: pa.RecordBatch | pa.Table) -> Block:
-    """Landmarks of rows that have all columns."""
+    """Return the landmarks of rows that have all columns."""
     place = np.column_stack([rows[name].to_numpy() for name in ("x", "y", "side")])
     vectors = pc.list_flatten(rows["vector"]).to_numpy().reshape(-1, DIMENSIONS)
     return Block(rows["image"].to_numpy(), place, vectors)
 
 
 def landmark_rows(entry: Indexed) -> pa.Table:
-    """The landmarks of an image."""
+    """Return the rows of an image's landmarks."""
     own = entry.landmarks
     vectors = pa.array(own.vectors.ravel())
     columns: list[Any] = [
@@ -170,7 +170,7 @@ def landmark_rows(entry: Indexed) -> pa.Table:
 
 
 def tile_rows(entries: Sequence[Indexed]) -> pa.Table:
-    """The tiles of images."""
+    """Return the rows of the tiles of images."""
     rows = [
         (entry.image.id, *(getattr(tile, name) for name in WINDOW), keypoints)
         for entry in entries
@@ -181,7 +181,7 @@ def tile_rows(entries: Sequence[Indexed]) -> pa.Table:
 
 
 def table_of(columns: Sequence[Any], schema: pa.Schema) -> pa.Table:
-    """A table of columns in the order of a schema."""
+    """Return a table of columns in the order of a schema."""
     arrays = [
         column if isinstance(column, pa.Array) else pa.array(column, field.type)
         for column, field in zip(columns, schema, strict=True)
@@ -190,7 +190,7 @@ def table_of(columns: Sequence[Any], schema: pa.Schema) -> pa.Table:
 
 
 MOST = 4000
-"""Keypoints that are kept of a tile, those of the highest contrast."""
+"""Largest number of keypoints of a tile that are kept, those of the highest contrast."""
 
 _RECORD = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("size", "<f4"), ("angle", "<f4"), ("vector", "u1", 128)]
@@ -199,7 +199,7 @@ _RECORD = np.dtype(
 
 
 def packed_keypoints(pixels: RGBPixels) -> bytes:
-    """The keypoints of an image that the method `adaptive` would find, at most `MOST`."""
+    """Detect the keypoints of the method `adaptive`, at most `MOST`, and pack them."""
     found = detect(pixels, sift(DEFAULT.points.contrast, MOST))
     records = np.empty(len(found), _RECORD)
     records["x"], records["y"] = found.xy.T

@@ -17,9 +17,9 @@ from nearfar.localizer import Localizer
 from nearfar.maps.voting import Hypothesis
 
 SWAPPED_FROM = 1.25
-"""Where the map shows the scene so much larger than the query, the map image is the near one."""
+"""Enlargement from query to map beyond which the map image is taken as the near image."""
 FULL = 0.9
-"""A tile that shows this share of what the best tile shows of a footprint will do."""
+"""Least share of the footprint that a tile shows, relative to the tile that shows most of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Candidate:
     Attributes:
         image: id of the map image.
         tile: the tile.
-        hypotheses: best first.
+        hypotheses: transforms that place the query in the tile, best first.
     """
 
     image: int
@@ -49,8 +49,8 @@ def group_by_tile(
 
     Args:
         hypotheses: best first.
-        tiles: of the images of all hypotheses.
-        size: width and height of the query.
+        tiles: tiles of the images of all hypotheses, by the id of the image.
+        size: width and height of the query, in pixels.
     """
     grouped: dict[tuple[int, Tile], list[Hypothesis]] = {}
     for each in hypotheses:
@@ -61,7 +61,7 @@ def group_by_tile(
 
 
 def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, int]) -> Tile:
-    """The finest tile that shows the footprint of the query about as fully as any."""
+    """Return the finest tile that shows about as much of the query's footprint as any tile."""
     corners = transform(map_from_query, outline(*size))
     low, high = corners.min(axis=0), corners.max(axis=0)
 
@@ -74,22 +74,22 @@ def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, i
     return max((tile for tile in tiles if shown(tile) >= FULL * most), key=lambda each: each.scale)
 
 
-def localized_in(
+def localize_in_tile(
     localizer: Localizer,
     candidate: Candidate,
     tile_pixels: RGBPixels,
     query: RGBPixels,
     cameras: Intrinsics | None = None,
 ) -> Localization:
-    """The query localized in a tile, in pixels of the tile and of the original query.
+    """Localize the query in a tile, in pixels of the tile and of the original query.
 
     Args:
-        localizer: of pairs.
-        candidate: the tile and where the query may lie in it.
-        tile_pixels: of the tile.
-        query: the query at its original size.
-        cameras: of the original map image (far) and of the query (near); the model is a pose where
-            they are given, else a homography.
+        localizer: localizes pairs of images.
+        candidate: the tile and the hypotheses for it.
+        tile_pixels: pixels of the tile.
+        query: pixels of the query at its original size.
+        cameras: intrinsics of the original map image (far) and of the query (near); with them the
+            model is a pose, without them a homography.
     """
     tile_from_map = np.linalg.inv(candidate.tile.original_from_tile)
     expected = [tile_from_map @ each.map_from_query for each in candidate.hypotheses]
@@ -101,24 +101,24 @@ def localized_in(
     inverse = [np.linalg.inv(each) for each in expected]
     swapped = None if known is None else Intrinsics(known.near, known.far)
     found = localizer.localize(query, tile_pixels, intrinsics=swapped, expected=inverse)
-    return roles_swapped(found)
+    return swap_roles(found)
 
 
 def in_tile(camera: CameraIntrinsics, tile: Tile) -> CameraIntrinsics:
-    """The camera of a map image in pixels of a tile of it."""
+    """Return the camera of a map image in pixels of one of its tiles."""
     matrix = np.linalg.inv(tile.original_from_tile) @ camera.matrix
     return CameraIntrinsics(*(float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
 
 
 def _enlargement(localizer: Localizer, tile_from_query: Matrix3, query: RGBPixels) -> float:
-    """How much larger the tile shows the scene than the query at its working size."""
+    """Return how much larger the tile shows the scene than the query at its working size."""
     scale = math.sqrt(abs(np.linalg.det(tile_from_query[:2, :2])))
     longest, largest = max(query.shape[:2]), localizer.settings.max_size
     return scale * (longest / largest if largest and longest > largest else 1.0)
 
 
-def roles_swapped(found: Localization) -> Localization:
-    """The localization of the far image in the near one, by a homography or a pose."""
+def swap_roles(found: Localization) -> Localization:
+    """Return a localization by homography or pose with far and near image swapped."""
     inverse = None if found.far_from_near is None else _inverse(found.far_from_near)
     corners = None
     if isinstance(inverse, np.ndarray):

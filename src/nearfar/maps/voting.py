@@ -1,12 +1,12 @@
 """Votes of landmarks for where a query lies: hits -> hypotheses.
 
-Each hit of a query landmark in the map tells a place, a scale and a rotation of the query in a map
-image. Wrong hits tell something else each time, so agreement stands out.
+Each hit of a query landmark gives position, scale and rotation of the query in a map image. False
+hits scatter, so hits that agree stand out.
 """
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,16 @@ from nearfar.maps.landmarks import Landmarks
 from nearfar.maps.search import NONE, Hits
 
 SCALE_TOLERANCE = 1.5
+"""Largest ratio of the scales of two votes that agree."""
 ANGLE_TOLERANCE = math.radians(46)
+"""Largest difference of the rotations of two votes that agree, in radians."""
 PLACE_TOLERANCE = 0.25
-"""Of the query's centre, as a share of the diagonal of its footprint."""
+"""Largest distance of the query's centre between two votes that agree, as a share of the diagonal
+of its footprint."""
 SEEDS = 40
-"""So many of the best votes for an image propose transforms."""
+"""Number of the best votes for an image that propose transforms."""
 HYPOTHESES_PER_IMAGE = 3
-"""Largest number of hypotheses from one map image."""
+"""Largest number of hypotheses in one map image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +33,11 @@ class Votes:
     """Hits as votes for similarity transforms.
 
     Attributes:
-        image: (N,) id of the map image.
-        place: (N, 2) where the centre of the query lies, in pixels of the map image.
-        scale: (N,) pixels of the map image over pixels of the query.
-        angle: (N,) of the rotation from the query to the map image, radians.
-        weight: (N,) how much the hit stands out, 0 to 1.
+        image: (N,) ids of the map images.
+        place: (N, 2) centre of the query, in pixels of the map image.
+        scale: (N,) pixels of the map image per pixel of the query.
+        angle: (N,) rotation from the query to the map image, in radians.
+        weight: (N,) IDF-like weight of the hit, 0 to 1; see `votes_of`.
         cell: (N,) number of the part of the query that votes; each counts once for a hypothesis.
     """
 
@@ -49,14 +52,7 @@ class Votes:
         return len(self.weight)
 
     def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> "Votes":
-        return Votes(
-            self.image[chosen],
-            self.place[chosen],
-            self.scale[chosen],
-            self.angle[chosen],
-            self.weight[chosen],
-            self.cell[chosen],
-        )
+        return Votes(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +61,9 @@ class Hypothesis:
 
     Attributes:
         image: id of the map image.
-        map_from_query: affine transform, pixels of the original images: a similarity, after the
-            transform to the view of the query that was voted for.
-        votes: sum of the weights of the votes for it.
+        map_from_query: affine transform between pixels of the original images: a similarity, after
+            the transform to the simulated view of the query.
+        votes: sum of the weights of the votes that support it.
     """
 
     image: int
@@ -76,16 +72,16 @@ class Hypothesis:
 
 
 def votes_of(hits: Hits, landmarks: Landmarks, size: tuple[int, int]) -> Votes:
-    """The votes of all hits.
+    """Turn hits into votes.
 
-    A hit weighs the square of what it exceeds the last of the hits of its landmark by, so that what
-    is found all over the map weighs little; less where several parts of the query hit the same
-    landmark of the map, so that what is like everything weighs little as well.
+    The weight of a hit is IDF-like: ((s - s_K) / (1 - s_K))^2 / sqrt(c), where s is its similarity,
+    s_K that of the last hit of the same query landmark, and c the number of cells of the query that
+    hit the same map landmark. Structure that is found all over the map gets little weight.
 
     Args:
-        hits: of the landmarks.
-        landmarks: of the query.
-        size: width and height of the query.
+        hits: nearest neighbours of the landmarks.
+        landmarks: landmarks of the query.
+        size: width and height of the query, in pixels.
     """
     count = hits.similarity.shape[1]
     query = np.repeat(np.arange(len(landmarks)), count)
@@ -104,10 +100,10 @@ def votes_of(hits: Hits, landmarks: Landmarks, size: tuple[int, int]) -> Votes:
 
 
 def map_from_query(place: NDArray[np.floating], landmarks: Landmarks) -> NDArray[np.float64]:
-    """(N, 2, 3) similarity transforms that lay windows of a query on windows of the map.
+    """Return (N, 2, 3) similarity transforms from windows of a query to windows of the map.
 
     Args:
-        place: (N, 3) x and y of the centre, and side, of windows of the map.
+        place: (N, 3) x and y of the centre, and side, of windows of the map, in pixels.
         landmarks: N windows of the query.
     """
     scale = place[:, 2] / landmarks.side
@@ -121,9 +117,9 @@ def find_hypotheses(votes: Votes, size: tuple[int, int], most: int) -> list[Hypo
     """Return the transforms that most votes agree on, best first.
 
     Args:
-        votes: of a query.
-        size: its width and height.
-        most: how many.
+        votes: votes of a query.
+        size: width and height of the query, in pixels.
+        most: largest number of hypotheses.
     """
     order = np.lexsort((-votes.weight, votes.cell, votes.image))
     votes = votes[order]
@@ -135,18 +131,18 @@ def find_hypotheses(votes: Votes, size: tuple[int, int], most: int) -> list[Hypo
     found: list[Hypothesis] = []
     for index in np.argsort(-bound, kind="stable"):
         if len(found) >= most and found[most - 1].votes >= bound[index]:
-            break  # No image that is left has so many votes in all.
+            break  # All votes for each of the remaining images are fewer.
         found.extend(_of_image(votes[parts[index]], size))
         found.sort(key=lambda each: -each.votes)
     return found[:most]
 
 
 def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Hypothesis]:
-    """The hypotheses in one image; a vote counts for the first that it agrees with.
+    """Yield the hypotheses in one image; a vote supports only the first that it agrees with.
 
     Args:
-        votes: for the image, sorted by cell.
-        size: width and height of the query.
+        votes: votes for the image, sorted by cell.
+        size: width and height of the query, in pixels.
     """
     seeds = np.argsort(-votes.weight, kind="stable")[:SEEDS]
     agreeing = _agreeing(votes, seeds, math.hypot(*size))
@@ -165,7 +161,7 @@ def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Hypothesis]:
 
 
 def _agreeing(votes: Votes, seeds: NDArray[np.intp], diagonal: float) -> Mask:
-    """(S, N) which votes tell nearly the same as each seed."""
+    """Return (S, N) which votes agree with each seed within the tolerances."""
     seed = votes[seeds]
     apart = np.hypot(*(votes.place - seed.place[:, np.newaxis]).transpose(2, 0, 1))
     near_by = apart < PLACE_TOLERANCE * diagonal * seed.scale[:, np.newaxis]
@@ -191,7 +187,7 @@ def _mean_transform(votes: Votes, weight: NDArray[np.float64], size: tuple[int, 
 
 
 def _cells(landmarks: Landmarks) -> NDArray[np.intp]:
-    """(N,) a number for each place and size of windows; windows half a side apart differ."""
+    """Return (N,) numbers of cells by position and size; windows half a side apart differ."""
     level = np.rint(2 * np.log2(landmarks.side))
     place = np.floor(landmarks.centre / (landmarks.side[:, np.newaxis] / 2))
     _, cell = np.unique(np.column_stack([level, place]), axis=0, return_inverse=True)
@@ -201,7 +197,7 @@ def _cells(landmarks: Landmarks) -> NDArray[np.intp]:
 def _cells_that_hit(
     image: NDArray[np.int64], place: NDArray[np.float32], cell: NDArray[np.intp]
 ) -> NDArray[np.intp]:
-    """(N,) how many cells of the query hit the landmark of the map that each hit is."""
+    """Return (N,) the number of query cells that hit the same map landmark as each hit."""
     order = np.lexsort((cell, *place.T, image))
     same_place = (np.diff(place[order], axis=0) == 0).all(axis=1)
     same = same_place & (np.diff(image[order]) == 0)

@@ -1,4 +1,4 @@
-"""A Dask cluster as workers: its scheduler, its threads, and whether it has the same packages."""
+"""A Dask cluster as workers: connection, number of threads, and a check of package versions."""
 
 import importlib.metadata
 import time
@@ -9,13 +9,13 @@ from typing import Any
 from nearfar.errors import ClusterError
 
 CONNECTION_SECONDS = 20
-"""How long a scheduler may take to answer."""
+"""Seconds that a scheduler may take to answer."""
 WORKER_SECONDS = 120
-"""How long it may be without workers when tasks are to be handed out, also after a death."""
+"""Seconds that a scheduler may be without workers when tasks are submitted."""
 DEAD_AFTER = "5s"
-"""How long a worker that does not answer is asked for a result."""
+"""Time after which a worker that does not answer counts as dead."""
 COUNTED_EVERY = 5.0
-"""Seconds between two looks at how many workers there are; they may come and go."""
+"""Seconds between two counts of the workers, which may come and go."""
 PACKAGES = (
     "nearfar",
     "numpy",
@@ -25,18 +25,18 @@ PACKAGES = (
     "poselib",
     "lancedb",
 )
-"""That must be the same everywhere, since they can change a result."""
+"""Packages that must have the same version everywhere, since they can change a result."""
 
 
 class Threads:
-    """How many threads a cluster has by now."""
+    """Counts the threads of a cluster."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
         self._count, self._next = 1, 0.0
 
     def __call__(self) -> int:
-        """How many there are, as of a few seconds ago."""
+        """Return the number of threads, at most `COUNTED_EVERY` seconds old."""
         if time.monotonic() >= self._next:
             self._count = max(1, sum(self._client.nthreads().values()))
             self._next = time.monotonic() + COUNTED_EVERY
@@ -45,10 +45,10 @@ class Threads:
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler at an address, which has workers.
+    """Connect to the scheduler at an address, and yield the client.
 
     Raises:
-        ClusterError: it is not there, has no workers, or they have other versions.
+        ClusterError: the scheduler cannot be reached, has no workers, or they have other versions.
     """
     import dask
     from distributed import Client
@@ -70,7 +70,7 @@ def connected(address: str) -> Iterator[Any]:
 
 
 def _check_versions(client: Any) -> None:
-    """Refuse workers that might find something else."""
+    """Refuse workers whose packages could give other results."""
     own = versions()
     for worker, found in client.run(versions).items():
         for package, version in own.items():
@@ -83,7 +83,7 @@ def _check_versions(client: Any) -> None:
 
 
 def versions() -> dict[str, str]:
-    """The versions of those of `PACKAGES` that this process has."""
+    """Return the versions of the installed `PACKAGES` of this process."""
     found = {}
     for name in PACKAGES:
         with suppress(importlib.metadata.PackageNotFoundError):

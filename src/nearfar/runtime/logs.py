@@ -23,15 +23,15 @@ def event(what: str, level: int = logging.INFO, /, **fields: Any) -> None:
     """Log an event.
 
     Args:
-        what: in a few words, always the same.
-        level: of `logging`.
-        **fields: what is particular this time, for JSON; never a credential.
+        what: the kind of event in a few words.
+        level: level of `logging`.
+        **fields: values of this event, for JSON; never a credential.
     """
     _log.log(level, what, extra={"fields": fields})
 
 
 def say(text: str) -> None:
-    """Tell a person something on the error output, where no events are wanted."""
+    """Print a text on the error output, unless events are logged there."""
     if not are_wanted():
         sys.stderr.write(f"nearfar: {text}\n")
 
@@ -42,7 +42,7 @@ def are_wanted() -> bool:
 
 
 def start(form: LogFormat) -> None:
-    """Log to the error output: warnings in words, or all events as JSON."""
+    """Log to the error output: warnings as text, or all events as JSON."""
     handler = _ErrorOutput()
     handler.setFormatter(
         _JsonLines() if form == "json" else logging.Formatter("nearfar: %(message)s")
@@ -52,13 +52,13 @@ def start(form: LogFormat) -> None:
 
 
 class _ErrorOutput(logging.Handler):
-    """The error output of the moment, which a progress bar may have replaced."""
+    """Writes to the current error output, which a progress bar may have replaced."""
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
             sys.stderr.write(self.format(record) + "\n")
             sys.stderr.flush()
-        except Exception:  # What is logged must not end because the log is closed or the disk full.
+        except Exception:  # A closed log or a full disk must not end the program.
             self.handleError(record)
 
 
@@ -76,22 +76,22 @@ class _JsonLines(logging.Formatter):
 
 
 Progress = Callable[[int, int], None]
-"""Is told how many of how many tasks are done."""
+"""Called with the number of tasks done and of all tasks."""
 
 LOGGED_EVERY = 10.0
-"""Seconds between two events."""
+"""Seconds between two events of progress."""
 
 
 def silent(done: int, of: int) -> None:
-    """Shows no progress."""
+    """Show no progress."""
 
 
 @contextmanager
 def shown_progress(what: str) -> Iterator[Progress]:
-    """Shows progress for as long as it lasts.
+    """Show progress on the error output, and yield what updates it.
 
     Args:
-        what: is counted.
+        what: name of what is counted, e.g. "images".
     """
     if are_wanted():
         yield _Logged(what)

@@ -1,4 +1,4 @@
-"""Time: of the stages of a localization, of whole runs, and word of what happens meanwhile."""
+"""Wall time and CPU time: of the stages of a localization, and of whole runs."""
 
 import os
 import platform
@@ -12,21 +12,21 @@ from nearfar.arrays import Coordinates, Mask
 
 
 class Watcher(Protocol):
-    """Is told what a localization does while it runs."""
+    """Callbacks that a localization makes while it runs."""
 
     def on_stage(self, stage: str) -> None:
-        """A stage begins."""
+        """Handle the beginning of a stage."""
 
     def on_attempt(
         self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, log10_nfa: float
     ) -> None:
-        """A step of a method has fitted a model to matches.
+        """Handle a model that a step of a method has fitted to matches.
 
         Args:
-            step: its name.
+            step: name of the step.
             far: (N, 2) pixels of the far working image.
-            near: (N, 2) the matched pixels of the near working image.
-            inliers: (N,) which of them agree with the model.
+            near: (N, 2) matched pixels of the near working image.
+            inliers: (N,) which matches agree with the model.
             log10_nfa: decimal logarithm of the number of false alarms of the model.
         """
 
@@ -35,11 +35,11 @@ class StageTimer:
     """Adds up wall time by stage name.
 
     Args:
-        watcher: is told of stages and attempts; None: nobody is.
+        watcher: gets callbacks for stages and attempts; None for no callbacks.
 
     Attributes:
-        seconds: stage name -> seconds, in the order in which stages first ran.
-        watcher: the same.
+        seconds: wall time in seconds by stage, in the order in which stages first ran.
+        watcher: gets callbacks for stages and attempts.
     """
 
     def __init__(self, watcher: Watcher | None = None) -> None:
@@ -81,13 +81,13 @@ class RunMetrics:
     workers: int
 
     def to_dict(self) -> dict[str, Any]:
-        """The metrics for JSON."""
+        """Return the metrics as JSON values."""
         return asdict(self)
 
 
 @dataclass
 class Meter:
-    """Measures a run while it goes on; attributes as those of `RunMetrics`."""
+    """Measures a run; for the attributes see `RunMetrics`."""
 
     done: int = 0
     failed: int = 0
@@ -99,14 +99,14 @@ class Meter:
     _workers: set[str] = field(default_factory=set)
 
     def finished(self, work: "Work") -> None:
-        """Count a task."""
+        """Count a task that is done."""
         self.done += 1
         self._workers.add(work.worker)
         if work.worker != this_worker():
             self._elsewhere += work.cpu_seconds
 
     def metrics(self) -> RunMetrics:
-        """What the run took until now."""
+        """Return the metrics of the run so far."""
         cpu = time.process_time() - self._used + self._elsewhere
         wall = time.perf_counter() - self._begun
         return RunMetrics(
@@ -122,7 +122,7 @@ class Meter:
 
 @dataclass(frozen=True)
 class Work:
-    """What one task took.
+    """Worker and CPU time of one task.
 
     Attributes:
         worker: that did it.
@@ -134,5 +134,5 @@ class Work:
 
 
 def this_worker() -> str:
-    """This process, by a name that no other has."""
+    """Return a name of this process that no other process has."""
     return f"{platform.node()}/{os.getpid()}"

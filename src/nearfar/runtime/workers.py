@@ -1,7 +1,7 @@
-"""Where work is done: this process, local processes, or a Dask cluster.
+"""Run tasks in this process, in local processes, or on a Dask cluster.
 
-Tasks are handed out one at a time and their results go straight back to this process, so that a
-worker that dies loses its task alone. Joblib's own `Parallel` gives up all tasks in work then.
+Tasks are submitted one by one and results return to this process at once, so a worker that dies
+loses only its own task. Joblib's `Parallel` would lose all tasks in work.
 """
 
 import logging
@@ -25,15 +25,15 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 ATTEMPTS_ALONE = 2
-"""A task whose local process died is begun so often again, alone, before it is given up."""
+"""Number of times that a task whose local process died is run again, alone."""
 ATTEMPTS_ALONE_ON_CLUSTER = 1
-"""The same on a cluster, where Dask itself begins a task anew until four workers have died."""
-HANDED_OUT_PER_SLOT = 2
-"""Tasks that are with the workers at a time: one in work, one waiting."""
+"""Number of such runs on a cluster, where Dask itself repeats a task until four workers died."""
+SUBMITTED_PER_SLOT = 2
+"""Number of submitted tasks per slot: one in work, one waiting."""
 AHEAD_PER_SLOT = 32
-"""Results that may wait for one that comes before them."""
+"""Number of results per slot that may wait for an earlier result."""
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Of a local process."""
+"""Environment of a local process: one thread each."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +55,16 @@ class Workers:
         died: Callable[[T], R],
         meter: Meter | None = None,
     ) -> Iterator[R]:
-        """Results as they come, in any order.
+        """Yield results as they come, in any order.
 
         Args:
-            function: what is done with each task; a function of a module.
+            function: does a task; a function of a module.
             tasks: the tasks.
-            died: the result of a task that kills every worker that takes it.
-            meter: counts what is done.
+            died: gives the result of a task that kills every worker that takes it.
+            meter: counts tasks and time.
 
         Raises:
-            ClusterError: the scheduler is not there, or its workers have other versions.
+            ClusterError: the scheduler cannot be reached, or its workers have other versions.
             MissingExtraError: joblib or Dask is not installed.
         """
         numbered = dict(enumerate(tasks))
@@ -78,7 +78,7 @@ class Workers:
         died: Callable[[T], R],
         meter: Meter | None = None,
     ) -> Iterator[R]:
-        """The same in the order of the tasks, of which one that takes long may hold up others."""
+        """Yield results in the order of the tasks; a slow task delays later ones. See `run`."""
         numbered, ready, order = dict(enumerate(tasks)), dict[int, R](), _Order()
         for index, result in self._results(function, numbered, died, meter or Meter(), order):
             ready[index] = result
@@ -94,7 +94,7 @@ class Workers:
         meter: Meter,
         order: "_Order | None",
     ) -> Iterator[tuple[int, R]]:
-        """Index and result of each task; where order matters none runs too far ahead."""
+        """Yield index and result of each task; with an order, none runs too far ahead."""
         if self.jobs == 1 and self.scheduler is None:
             for index, task in tasks.items():
                 result, work = _done_alone(function, task)
@@ -105,8 +105,8 @@ class Workers:
         while waiting:
             suspects: list[int] = []
             with self._pool() as pool:
-                hands = _Hands(pool, function, waiting, meter, order)
-                for index, result in hands.results(suspects):
+                dispatcher = _Dispatcher(pool, function, waiting, meter, order)
+                for index, result in dispatcher.results(suspects):
                     del waiting[index]
                     yield index, result
             for index in suspects:
@@ -115,13 +115,13 @@ class Workers:
     def _alone(
         self, function: Callable[[T], R], task: T, died: Callable[[T], R], meter: Meter
     ) -> R:
-        """The result of a task that was in work when a worker died."""
+        """Return the result of a task that was in work when a worker died, run alone."""
         attempts = ATTEMPTS_ALONE if self.scheduler is None else ATTEMPTS_ALONE_ON_CLUSTER
         for _ in range(attempts):
             meter.retried += 1
             with self._pool() as pool:
-                hands = _Hands(pool, function, {0: task}, meter, None)
-                for _, result in hands.results([]):
+                dispatcher = _Dispatcher(pool, function, {0: task}, meter, None)
+                for _, result in dispatcher.results([]):
                     found: R = result
                     return found
         meter.done += 1
@@ -129,7 +129,7 @@ class Workers:
 
     @contextmanager
     def _pool(self) -> Iterator["_Pool"]:
-        """The processes that take tasks."""
+        """Yield the processes that do tasks."""
         if self.scheduler is None:
             require("bench", "joblib")
             from joblib.externals.loky import get_reusable_executor
@@ -146,11 +146,11 @@ class Workers:
 
 @dataclass(frozen=True)
 class _Pool:
-    """Processes that take tasks.
+    """Processes that do tasks.
 
     Attributes:
-        executor: hands them out.
-        slots: tasks that are in work at a time.
+        executor: takes tasks.
+        slots: returns the number of tasks that are in work at a time.
     """
 
     executor: Executor
@@ -159,20 +159,20 @@ class _Pool:
 
 @dataclass
 class _Order:
-    """Index of the first task whose result is not there."""
+    """Index of the first task without a result."""
 
     first: int = 0
 
 
-class _Hands:
-    """Hands out tasks and takes results.
+class _Dispatcher:
+    """Submits tasks and collects results.
 
     Args:
         pool: the processes.
-        function: what is done with each task.
-        tasks: by index; they may be removed while this goes on.
-        meter: counts what is done.
-        order: where the tasks must not run too far ahead; None where order does not matter.
+        function: does a task.
+        tasks: tasks by index; the caller may remove those that are done.
+        meter: counts tasks and time.
+        order: limits how far tasks run ahead; None where order does not matter.
     """
 
     def __init__(
@@ -190,13 +190,13 @@ class _Hands:
         self._out: dict[Future[Any], int] = {}
 
     def results(self, suspects: list[int]) -> Iterator[tuple[int, Any]]:
-        """Index and result of each task as it is done.
+        """Yield index and result of each task as it is done.
 
-        Once a worker has died no more tasks are handed out: `suspects` gets those that it may have
-        died of, so that they can be done alone.
+        Once a worker has died no more tasks are submitted. `suspects` gets the tasks that may have
+        killed it, so that they can be run alone.
         """
         try:
-            while self._hand_out():
+            while self._submit():
                 for future in wait(self._out, return_when=FIRST_COMPLETED).done:
                     index = self._out.pop(future)
                     try:
@@ -210,22 +210,22 @@ class _Hands:
                     yield index, result
         except _lost() as error:
             raise ClusterError(
-                f"the scheduler is gone ({type(error).__name__}): what is done is kept, start it "
-                f"and run the command again"
+                f"the scheduler is gone ({type(error).__name__}): results are kept, start it and "
+                f"run the command again"
             ) from None
         finally:
             for future in self._out:
                 future.cancel()
             self._out.clear()
 
-    def _hand_out(self) -> bool:
-        """Keep the workers busy; whether anything is in work."""
-        most = HANDED_OUT_PER_SLOT * self._pool.slots()
+    def _submit(self) -> bool:
+        """Submit tasks while slots are free; return whether any task is in work."""
+        most = SUBMITTED_PER_SLOT * self._pool.slots()
         while self._next and len(self._out) < most and not self._too_far():
             index = self._next.popleft()
             try:
                 future = self._pool.executor.submit(_done, self._function, self._tasks[index])
-            except _deaths():  # Those that are out will say so too.
+            except _deaths():  # The tasks in work will raise it too.
                 self._next.clear()
                 break
             self._out[future] = index
@@ -238,7 +238,7 @@ class _Hands:
 
 
 def _deaths() -> tuple[type[Exception], ...]:
-    """The exceptions that say that a worker died."""
+    """Return the exceptions that mean that a worker died."""
     from concurrent.futures.process import BrokenProcessPool
 
     try:
@@ -249,7 +249,7 @@ def _deaths() -> tuple[type[Exception], ...]:
 
 
 def _lost() -> tuple[type[BaseException], ...]:
-    """The exceptions that say that the scheduler is gone."""
+    """Return the exceptions that mean that the scheduler is lost."""
     from concurrent.futures import CancelledError
 
     try:
@@ -261,14 +261,14 @@ def _lost() -> tuple[type[BaseException], ...]:
 
 
 def _keep_caches() -> None:
-    """Let a local process grow: joblib takes features that are kept for a leak and ends it."""
+    """Allow a local process to grow: joblib would take cached features for a leak and end it."""
     from joblib.externals.loky import process_executor
 
     process_executor._MAX_MEMORY_LEAK_SIZE = math.inf
 
 
 def _done(function: Callable[[T], R], task: T) -> tuple[R, Work]:
-    """Do a task in a worker that leaves the other cores to other workers."""
+    """Do a task in a worker, with one thread."""
     cv2.setNumThreads(1)
     return _done_alone(function, task)
 

@@ -1,8 +1,8 @@
-"""Features of images on disk, shared by all benchmarks, runs and processes.
+"""A cache of image features on disk, shared by all benchmarks, runs and processes.
 
 One file holds the features of one image under one set of settings, as a NumPy .npz archive without
-pickled objects. It describes itself: beside the arrays lies the structure of the dataclasses that
-they came from, so that any method's features can be stored, new ones included.
+pickled objects. It holds arrays and the structure of the dataclasses that they came from, so that
+the features of any method can be stored.
 
 A file appears under its name only when it is complete, so a process may be killed at any time and
 several may write the same features. Every part has a checksum; a damaged file counts as absent.
@@ -42,28 +42,28 @@ _PARTS_WITHOUT_FEATURES = frozenset(
     {"adapters", "app", "bench", "cli", "constants.py", "estimators", "exports", "maps", "render"}
     | {"runtime", "storage", "train", "verification"}
 )
-"""Parts of the package in which a change leaves stored features valid."""
+"""Parts of the package that do not change features."""
 
 _STRUCTURE = "structure"
 _SUFFIX, _INCOMPLETE = ".npz", ".incomplete"
 _ABANDONED_SECONDS = 3600.0
-"""An incomplete file this old was left by a process that was killed."""
+"""Age in seconds from which on an incomplete file counts as left by a process that was killed."""
 _FREE_BYTES = 10**9
-"""Nothing is stored where the disk would have less left for others."""
+"""Least free space of the disk, in bytes; below it nothing is stored."""
 _KEPT_SHARE = 0.9
 _UNSEEN_SHARE = 0.01
-"""The oldest files are removed down to the kept share of the limit; what a process writes between
-two looks at the folder is at most the unseen share, so ten processes together keep the limit."""
+"""Shares of the limit: the oldest files are removed down to the kept share. A process writes at
+most the unseen share between two scans of the folder, so ten processes together keep the limit."""
 
 _log = logging.getLogger(__name__)
 
 
 class FeatureStore:
-    """A folder of features with a limit on its size; what was used longest ago goes first.
+    """A folder of features with a limit on its size; the least recently used are removed first.
 
     Args:
-        folder: the folder, made where missing; no other files should be in it.
-        max_bytes: largest size of all files together.
+        folder: the folder, made where missing; it should hold no other files.
+        max_bytes: largest total size of the files, in bytes.
 
     Raises:
         OSError: the folder cannot be made.
@@ -76,13 +76,13 @@ class FeatureStore:
         self._unseen = math.inf
 
     def of(self, settings: Settings) -> "SettingsFeatures":
-        """The features under some settings."""
+        """Return the cache of features under some settings."""
         return SettingsFeatures(self, settings)
 
     def get_or_compute(self, key: str, compute: Callable[[], Features]) -> Features:
-        """The stored features, or those computed now, which are then stored.
+        """Return the stored features, or compute and store them.
 
-        Where they cannot be stored, on a full disk say, they are returned all the same.
+        Features that cannot be stored, e.g. on a full disk, are returned all the same.
 
         Args:
             key: file name without suffix.
@@ -120,7 +120,7 @@ class FeatureStore:
             incomplete.unlink(missing_ok=True)
 
     def _make_room(self, size: int) -> bool:
-        """Remove what was used longest ago; whether so many bytes can be added."""
+        """Remove the least recently used files; return whether `size` bytes can be added."""
         if size > _KEPT_SHARE * self.max_bytes:
             return False
         self._unseen += size
@@ -130,7 +130,7 @@ class FeatureStore:
         return shutil.disk_usage(self.folder).free >= size + _FREE_BYTES
 
     def _evict(self, allowed: int) -> None:
-        """Remove files, those used longest ago first, until at most so many bytes are left."""
+        """Remove the least recently used files until at most `allowed` bytes are left."""
         files = []
         for entry in os.scandir(self.folder):
             with suppress(FileNotFoundError):
@@ -153,13 +153,13 @@ class SettingsFeatures:
         self._settings_hash = settings_hash(settings)
 
     def get_or_compute(self, content_hash: str, compute: Callable[[], Features]) -> Features:
-        """The features of the image with a content hash; see `FeatureStore.get_or_compute`."""
+        """Return the features of an image by the hash of its content; see `FeatureStore`."""
         key = hashlib.sha256(f"{content_hash} {self._settings_hash}".encode()).hexdigest()
         return self._store.get_or_compute(key, compute)
 
 
 def settings_hash(settings: Settings) -> str:
-    """SHA-256 of all that features depend on beside the image.
+    """Return the SHA-256 of all that features depend on besides the image.
 
     That is `Settings.for_features`, with the content of weights files in place of
     their names, the code and network of this package, the source of plug-ins from outside, and the
@@ -182,11 +182,11 @@ def settings_hash(settings: Settings) -> str:
 
 
 def flattened(features: object) -> dict[str, NDArray[Any]]:
-    """The arrays of features by number, and their structure as JSON text.
+    """Return the arrays of features by number, and their structure as JSON text.
 
     Raises:
-        TypeError: the features hold what is neither an array, a plain value, nor a tuple or
-            dataclass of such.
+        TypeError: the features hold something else than arrays, plain values, and tuples or
+            dataclasses of them.
     """
     arrays: dict[str, NDArray[Any]] = {}
     structure = _structure(features, arrays)
@@ -194,7 +194,7 @@ def flattened(features: object) -> dict[str, NDArray[Any]]:
 
 
 def restored(content: Mapping[str, NDArray[Any]]) -> Any:
-    """The features of `flattened`.
+    """Return the features that `flattened` took apart.
 
     Raises:
         KeyError, TypeError, ValueError: the content is not that of any features.
@@ -203,7 +203,7 @@ def restored(content: Mapping[str, NDArray[Any]]) -> Any:
 
 
 def _structure(value: object, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
-    """How a value is made; its arrays are added to `arrays`."""
+    """Return the structure of a value, and add its arrays to `arrays`."""
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         name = str(len(arrays))
         arrays[name] = value
@@ -240,12 +240,12 @@ def _value(structure: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
 
 
 def _is_own(module: str) -> bool:
-    """Whether a module belongs to this package; a file can name no other."""
+    """Whether a module belongs to this package; files may name no others."""
     return module.startswith("nearfar.")
 
 
 def _read(file: Path) -> Any | None:
-    """The features in a file; None where it is missing or damaged."""
+    """Return the features in a file; None where it is missing or damaged."""
     try:
         with zipfile.ZipFile(file) as archive:
             # ZipFile.read checks a part as a whole before NumPy looks at it.
@@ -256,7 +256,7 @@ def _read(file: Path) -> Any | None:
                 for name in archive.namelist()
             }
         features = restored(content)
-    except Exception:  # Damage can show as almost any error, and costs only the time to compute.
+    except Exception:  # Damage shows as almost any error; the features are computed again.
         return None
     with suppress(OSError):
         os.utime(file)
@@ -270,9 +270,9 @@ def _file_hash(file: Path) -> str:
 
 @functools.cache
 def _code_hash() -> str:
-    """SHA-256 of the package's source code and network that may compute features.
+    """Return the SHA-256 of the code and the network of the package that may change features.
 
-    Comments, docstrings, log messages and the words of exceptions are no part of it.
+    It leaves out comments, docstrings, log messages and the messages of exceptions.
     """
     digest = hashlib.sha256()
     for file in sorted([*_PACKAGE.rglob("*.py"), *_PACKAGE.rglob("*.onnx")]):
@@ -287,7 +287,7 @@ def _code_hash() -> str:
 
 
 class _WithoutWords(ast.NodeTransformer):
-    """Drops what people read: docstrings, calls of the logger, arguments of exceptions."""
+    """Removes docstrings, calls of the logger and arguments of exceptions."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         """Drop constants, which are docstrings, and calls of `_log`."""

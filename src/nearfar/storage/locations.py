@@ -1,4 +1,4 @@
-"""Folders and files on a disk, or in object storage by URL. The latter needs the extra `cloud`.
+"""Folders and files on a disk or, with the extra `cloud`, in object storage by URL.
 
 Credentials are read from the environment (`AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`,
 `AWS_SESSION_TOKEN`, `AWS_REGION`, `AWS_ENDPOINT_URL`, or the role of the machine) by the libraries
@@ -22,21 +22,21 @@ from nearfar.runtime import require
 SCHEME = "s3://"
 ATTEMPTS = 10
 PATIENCE = timedelta(seconds=60)
-"""How often, and how long, a request is repeated while the server does not answer."""
+"""Number of repetitions of a request, and their total time, while the server does not answer."""
 
 _BUCKET = re.compile(r"[a-z0-9][a-z0-9.-]*")
 _OF_SERVER = re.compile(r'S3 error|store: "S3"|Error performing (GET|PUT|POST|HEAD|DELETE)')
-"""What the libraries write about a request that failed."""
+"""Matches what the libraries write about a request that failed."""
 _CODES = re.compile(r"<Code>(\w+)</Code>"), re.compile(r"status code: (\d+)")
 
 
 @dataclass(frozen=True)
 class FileState:
-    """What tells, without reading a file, that it is still the same.
+    """Size and time of a file, which show without reading it whether it has changed.
 
     Attributes:
-        size: in bytes.
-        modified: time of its last change, in nanoseconds since 1970.
+        size: size in bytes.
+        modified: time of the last change, in nanoseconds since 1970.
     """
 
     size: int
@@ -45,15 +45,15 @@ class FileState:
 
 @dataclass(frozen=True)
 class Url:
-    """A file or folder of object storage, with those methods of `pathlib.Path` that are needed.
+    """A file or folder in object storage, with some methods of `pathlib.Path`.
 
-    Each of them raises `StorageError` where the server does not answer or refuses, and those that
-    need a file `FileNotFoundError` where it is missing.
+    Every method raises `StorageError` where the server does not answer or refuses. Methods that
+    need a file raise `FileNotFoundError` where it is missing.
 
     Attributes:
         bucket: name of the bucket.
-        key: path in it, without slashes at the ends.
-        listed: state of the file when a folder was listed; None where it came in another way.
+        key: path in the bucket, without slashes at the ends.
+        listed: state of the file when its folder was listed; None where no folder was listed.
     """
 
     bucket: str
@@ -78,7 +78,7 @@ class Url:
 
     @property
     def suffix(self) -> str:
-        """Of the name, with its dot."""
+        """The suffix of the name, with its dot."""
         return PurePosixPath(self.key).suffix
 
     @property
@@ -88,7 +88,7 @@ class Url:
         return Url(self.bucket, "" if above == "." else above)
 
     def state(self) -> FileState:
-        """Size and time of the last change, which servers know to the second."""
+        """Return size and time of the last change, which servers know to the second."""
         import obstore
 
         with storage_errors(self):
@@ -109,7 +109,7 @@ class Url:
         return any(True for _ in self.below())
 
     def below(self) -> Iterator["Url"]:
-        """All files in this folder and in folders below."""
+        """Yield all files in this folder and in folders below."""
         import obstore
 
         with storage_errors(self):
@@ -118,11 +118,11 @@ class Url:
                     yield Url(self.bucket, each["path"], _state(each))
 
     def read_bytes(self) -> bytes:
-        """The content."""
+        """Return the content."""
         return self.read_version()[0]
 
     def read_version(self) -> tuple[bytes, str]:
-        """The content, and what names this version of it; see `replace_version`."""
+        """Return the content and the name of its version, for `replace_version`."""
         import obstore
 
         with storage_errors(self):
@@ -130,7 +130,7 @@ class Url:
             return bytes(found.bytes()), str(found.meta["e_tag"])
 
     def download(self, file: Path) -> None:
-        """Copy the content to a file on a disk, part by part, so that memory does not grow."""
+        """Copy the content to a file on a disk, part by part to save memory."""
         import obstore
 
         with storage_errors(self):
@@ -140,7 +140,7 @@ class Url:
                     copy.write(part)
 
     def read_text(self, encoding: str = "utf-8") -> str:
-        """The content as text."""
+        """Return the content as text."""
         return self.read_bytes().decode(encoding)
 
     def write_bytes(self, content: bytes) -> None:
@@ -155,27 +155,27 @@ class Url:
         """Make a file that does not exist.
 
         Raises:
-            FileExistsError: it does; or another process was faster.
+            FileExistsError: the file exists.
         """
         self._put(content, "create")
 
     def replace_version(self, content: bytes, version: str) -> None:
-        """Replace the file where it still is one version.
+        """Replace the file if it still has this version.
 
         Raises:
-            FileExistsError: it is another one by now.
+            FileExistsError: the file has another version by now.
         """
         self._put(content, {"e_tag": version})
 
     def unlink(self) -> None:
-        """Remove the file; nothing happens where it is missing."""
+        """Remove the file if it exists."""
         import obstore
 
         with storage_errors(self):
             obstore.delete(_store(self.bucket), self.key)
 
     def mkdir(self, *, parents: bool = True, exist_ok: bool = True) -> None:
-        """Nothing, since folders of object storage need not be made."""
+        """Do nothing: folders in object storage need not be made."""
 
     def _put(self, content: bytes, mode: Any) -> None:
         import obstore
@@ -193,11 +193,11 @@ Location = Path | Url
 
 
 def location(text: str | os.PathLike[str] | Url) -> Location:
-    """The location that a path or URL names.
+    """Return the location of a path or URL.
 
     Raises:
-        MissingExtraError: it is a URL and the extra `cloud` is not installed.
-        StorageError: it is a URL of another kind.
+        MissingExtraError: the extra `cloud` is not installed, and it is a URL.
+        StorageError: the URL has another scheme than `SCHEME`.
     """
     if isinstance(text, Url):
         return text
@@ -208,7 +208,7 @@ def location(text: str | os.PathLike[str] | Url) -> Location:
     if scheme + separator != SCHEME:
         raise StorageError(f"URLs of the scheme {scheme!r} are not supported: use {SCHEME}")
     bucket, _, key = rest.partition("/")
-    if not _BUCKET.fullmatch(bucket):  # Not repeated, since it may hold a password.
+    if not _BUCKET.fullmatch(bucket):  # Not repeated in the message: it may hold a password.
         raise StorageError(f"a URL is {SCHEME}BUCKET/PATH; credentials belong to the environment")
     require("cloud", "obstore")
     return Url(bucket, "/".join(part for part in key.split("/") if part))
@@ -216,15 +216,15 @@ def location(text: str | os.PathLike[str] | Url) -> Location:
 
 @contextmanager
 def storage_errors(place: Location) -> Iterator[None]:
-    """Turn whatever the libraries say of a server that fails into a `StorageError`.
+    """Turn every error of the libraries about a server into a `StorageError`.
 
-    What they say is not repeated, since a server's answer may hold parts of credentials.
+    Its message does not repeat theirs, since a server's answer may hold parts of credentials.
     """
     try:
         yield
     except (FileNotFoundError, FileExistsError):
         raise
-    except Exception as error:  # Which one depends on the library and the request.
+    except Exception as error:  # Its class depends on the library and the request.
         if isinstance(place, Path) or not _OF_SERVER.search(str(error)):
             raise
         raise StorageError(f"{place} cannot be used: {_cause(str(error))}") from None
@@ -241,7 +241,7 @@ def _cause(text: str) -> str:
 
 
 def lance_options(place: Location) -> dict[str, str] | None:
-    """What LanceDB is told of the storage beside what it reads from the environment."""
+    """Return options of LanceDB for a place, beside those that it reads from the environment."""
     if isinstance(place, Path):
         return None
     return {
@@ -253,10 +253,10 @@ def lance_options(place: Location) -> dict[str, str] | None:
 
 @contextmanager
 def local_copy(file: Location) -> Iterator[Path]:
-    """A file that programs can open: itself, or a copy for as long as this lasts.
+    """Yield a file on a disk: the file itself, or a temporary copy.
 
     Raises:
-        FileNotFoundError: it is missing.
+        FileNotFoundError: the file is missing.
         StorageError: the server does not answer or refuses.
     """
     if isinstance(file, Path):
@@ -275,7 +275,7 @@ def natural_key(name: str) -> list[tuple[str, float]]:
 
 
 def is_text(name: str) -> bool:
-    """Whether a name of a file can be kept as UTF-8: on some systems it may be any bytes."""
+    """Whether a file name can be stored as UTF-8: some systems allow any bytes."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -285,10 +285,10 @@ def is_text(name: str) -> bool:
 
 @contextmanager
 def replaced(file: Path) -> Iterator[Path]:
-    """A place to write a file, which takes that of another as a whole at the end.
+    """Yield a temporary path; at the end it replaces the file as a whole.
 
     Raises:
-        OSError: it cannot be written; what stood there before is kept.
+        OSError: the file cannot be written; its old content is kept.
     """
     incomplete = file.with_name(f".{file.name}.{os.getpid()}")
     try:
@@ -300,10 +300,10 @@ def replaced(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def staged(folder: Location) -> Iterator[Path]:
-    """A folder for new files: itself, made where missing, or one whose files are sent at the end.
+    """Yield a folder for new files: the folder itself, or a temporary one that is sent at the end.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: the folder cannot be made.
         StorageError: the files cannot be sent.
     """
     if isinstance(folder, Path):
@@ -319,7 +319,7 @@ def staged(folder: Location) -> Iterator[Path]:
 
 
 def _allow_http() -> bool:
-    """Whether the user named a server without encryption."""
+    """Whether the environment names a server without encryption."""
     names = ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT")
     return any(os.environ.get(name, "").startswith("http://") for name in names)
 
@@ -334,7 +334,7 @@ def _store(bucket: str) -> Any:
 
 @functools.cache
 def _bucket_store(bucket: str, patience: timedelta) -> Any:
-    """One a process."""
+    """Return the connection to a bucket, one a process."""
     from obstore.store import S3Store
 
     retry: Any = {"max_retries": ATTEMPTS, "retry_timeout": patience}

@@ -11,7 +11,7 @@ from nearfar.maps.world.scene import (
     PosedImage,
     meeting_point,
     of_tracks,
-    triangulated,
+    triangulate,
 )
 
 pytest.importorskip("lancedb")
@@ -105,7 +105,7 @@ def test_triangulation_is_exact_far_from_the_origin(points: np.ndarray) -> None:
     first, second = (
         PosedImage(CAMERA, pose.rotation, pose.centre + EAST) for pose in (BEHIND, BESIDE)
     )
-    there, good = triangulated(first, second, seen(BEHIND, points), seen(BESIDE, points))
+    there, good = triangulate(first, second, seen(BEHIND, points), seen(BESIDE, points))
     assert good.all()
     np.testing.assert_allclose(there, points + EAST, atol=1e-5)
 
@@ -113,10 +113,10 @@ def test_triangulation_is_exact_far_from_the_origin(points: np.ndarray) -> None:
 def test_triangulation_refuses_what_does_not_fit(points: np.ndarray) -> None:
     first, second = (matches(pose, points) for pose in (BEHIND, BESIDE))
     moved = second.seen + np.array([0, 20])
-    assert not triangulated(first.posed, second.posed, first.seen, moved)[1].any()
-    assert not triangulated(first.posed, first.posed, first.seen, first.seen)[1].any()
+    assert not triangulate(first.posed, second.posed, first.seen, moved)[1].any()
+    assert not triangulate(first.posed, first.posed, first.seen, first.seen)[1].any()
     behind = points * [1, 1, -1]
-    assert not triangulated(first.posed, second.posed, seen(BEHIND, behind), seen(BESIDE, behind))[
+    assert not triangulate(first.posed, second.posed, seen(BEHIND, behind), seen(BESIDE, behind))[
         1
     ].any()
 

@@ -57,7 +57,7 @@ class ImagePoses(Protocol):
 
 
 class MapSource(ABC):
-    """Reads cameras and poses in one format.
+    """Reads the cameras and poses of images in one format.
 
     Args:
         name: of the source.
@@ -83,7 +83,7 @@ class MapSource(ABC):
                 where `needs_camera`.
 
         Raises:
-            MapError: it cannot be read, or holds something else.
+            MapError: the file cannot be read, or holds something else.
             MissingExtraError: a package that the format needs is not installed.
         """
 

@@ -16,37 +16,38 @@ DECIMALS = 9
 """Decimals of a degree in GeoJSON: a tenth of a millimetre."""
 
 WorldCoordinates = NDArray[np.float64]
-"""(..., 2): easting and northing, or longitude and latitude, in this order whatever the CRS says;
-(..., 3) in the frame of a model or a list of poses."""
+"""(..., 2) easting and northing, or longitude and latitude, in this order for every CRS; or
+(..., 3) in the frame of a map source."""
 
 Source = Literal["model", "triangulation", "directions", "one image"]
 
 
 @dataclass(frozen=True, eq=False)
 class GeoOutline:
-    """A query in some coordinates of the Earth.
+    """Outline and centre of a query in one coordinate system of the Earth.
 
     Attributes:
-        footprint: (4, 2) its outline: top left, top right, bottom right, bottom left of the query.
-        centre: (2,) of the query.
+        footprint: (4, 2) top left, top right, bottom right, bottom left corner of the query.
+        centre: (2,) centre of the query.
     """
 
     footprint: WorldCoordinates
     centre: WorldCoordinates
 
     def to_dict(self) -> dict[str, Any]:
-        """The outline for JSON."""
+        """Return the outline as JSON values."""
         return {"footprint": self.footprint.tolist(), "centre": self.centre.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
 class GeoPlace:
-    """Where a query lies on the Earth, by a GeoTIFF.
+    """Position of a query on the Earth, by a GeoTIFF.
 
     Attributes:
         crs: coordinate reference system of the raster, "EPSG:..." or WKT.
-        outline: in that system, in its units.
-        longitude_latitude: in degrees of WGS 84; None where that system is not tied to the Earth.
+        outline: outline of the query in that system, in its units.
+        longitude_latitude: outline in degrees of WGS 84; None where the system of the raster
+            cannot be converted.
     """
 
     crs: str
@@ -54,7 +55,7 @@ class GeoPlace:
     longitude_latitude: GeoOutline | None
 
     def to_dict(self) -> dict[str, Any]:
-        """The place for JSON."""
+        """Return the position as JSON values."""
         on_earth = self.longitude_latitude
         return {
             "crs": self.crs,
@@ -65,20 +66,20 @@ class GeoPlace:
 
 @dataclass(frozen=True, eq=False)
 class QueryPose:
-    """Pose of the camera that took a query, in the frame of a COLMAP model or a list of poses.
+    """Pose of the camera that took a query, in the frame of a map source.
 
     Attributes:
-        world: name of the model or the list.
+        world: name of the file or folder of the map source.
         rotation: (3, 3) takes directions in the query's camera to the world.
         translation: (3,) centre of the query's camera in the world, in its units; None where only
             the direction to it is known.
-        direction: (3,) of unit length, to that centre from the camera of the first of `images`;
-            None where the centre is known.
+        direction: (3,) unit vector to that centre from the camera of the first of `images`; None
+            where the centre is known.
         source: "model": by points of the model; "triangulation": by points that several map images
             show; "directions": where the directions from several map images meet; "one image":
-            only the direction from one is known.
-        inliers: matches that agree with the pose.
-        images: names of the map images that it was found with, the best first.
+            by one map image, which gives only a direction.
+        inliers: number of matches that agree with the pose.
+        images: names of the map images that the pose was found with, the best first.
     """
 
     world: str
@@ -90,7 +91,7 @@ class QueryPose:
     images: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The pose for JSON."""
+        """Return the pose as JSON values."""
         return {
             "world": self.world,
             "world_from_query": {
@@ -105,19 +106,19 @@ class QueryPose:
 
 
 def geo_place(file: Path, map_from_query: Matrix3, size: tuple[int, int]) -> GeoPlace | None:
-    """Where a query lies on the Earth.
+    """Locate a query on the Earth by a homography to a GeoTIFF.
 
     Args:
-        file: of the map image.
+        file: file of the map image.
         map_from_query: homography between pixels.
-        size: width and height of the query.
+        size: width and height of the query, in pixels.
 
     Returns:
-        The place; None where the file is no GeoTIFF with a coordinate reference system and a
-        place in it, or the horizon crosses the query.
+        The position; None where the file is not a georeferenced GeoTIFF, or the horizon crosses
+        the query.
 
     Raises:
-        ImageError: the file cannot be read, or is stored turned.
+        ImageError: the file cannot be read, or an orientation tag turns it.
         MissingExtraError: the extra `geo` is not installed.
     """
     header = tiff_header(file)
@@ -129,14 +130,14 @@ def geo_place(file: Path, map_from_query: Matrix3, size: tuple[int, int]) -> Geo
     seen = np.vstack([outline, transform(map_from_query, middle)])
     with opened(file) as dataset:
         crs, affine = dataset.crs, dataset.transform
-        if crs is None or affine.is_identity:  # What rasterio says of a file without a place.
+        if crs is None or affine.is_identity:  # So rasterio reads a file without a place.
             return None
         world = np.asarray(transform(_world_from_pixel(affine), seen), np.float64)
         return GeoPlace(crs.to_string(), _outline(world), _longitude_latitude(world, crs))
 
 
 def _world_from_pixel(affine: object) -> Matrix3:
-    """Of pixels whose centres are at integers; those of GDAL have their corners there."""
+    """Return the transform for pixels whose centres are integers; GDAL's corners are integers."""
     corner_based = np.array(affine, np.float64).reshape(3, 3)
     return np.asarray(corner_based @ translation(0.5, 0.5))
 
@@ -146,7 +147,7 @@ def _longitude_latitude(world: WorldCoordinates, crs: object) -> GeoOutline | No
 
     try:
         found = np.column_stack(between_systems(crs, WGS84, *world.T.tolist()))
-    except Exception:  # GDAL has no way there; the exceptions of its own are private to rasterio.
+    except Exception:  # GDAL cannot convert; its exceptions are private to rasterio.
         return None
     return _outline(found) if np.isfinite(found).all() else None
 
@@ -156,7 +157,7 @@ def _outline(corners_and_centre: WorldCoordinates) -> GeoOutline:
 
 
 def ring(corners: WorldCoordinates) -> list[list[float]]:
-    """(N, 2) corners as a closed ring that runs counterclockwise, by the right-hand rule."""
+    """Return (N, 2) corners as a closed counterclockwise ring of GeoJSON."""
     x, y = (corners - corners.mean(axis=0)).T
     doubled_area = x @ np.roll(y, -1) - y @ np.roll(x, -1)
     ordered = corners if doubled_area > 0 else corners[::-1]

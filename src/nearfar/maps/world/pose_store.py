@@ -28,7 +28,7 @@ class PoseStore:
     """The cameras and poses of the images of a map.
 
     Args:
-        folder: of a map that exists.
+        folder: folder of a map that exists.
     """
 
     def __init__(self, folder: Location) -> None:
@@ -38,7 +38,7 @@ class PoseStore:
 
     @own_errors
     def get(self, images: Sequence[int]) -> dict[int, PosedImage]:
-        """Return the poses of those of some images that have one, by the image's id."""
+        """Return the poses of images by their ids, without images that have none."""
         table = self._table()
         if table is None or not images:
             return {}
@@ -75,7 +75,7 @@ class PoseStore:
             table.delete(f"image IN ({', '.join(map(str, images))})")
 
     def _table(self) -> Any:
-        """The table; None before the first pose is there."""
+        """Open the table; return None before the first pose is put."""
         return open_table(self._database, TABLE, self.folder)
 
 

@@ -1,4 +1,4 @@
-"""The pose of a query in the world, from its matches with map images of known camera and pose."""
+"""Estimate the pose of a query in the world from matches with map images of known pose."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ from nearfar.maps.world.scene import (
 )
 
 VIEWS = 3
-"""Map images that are sought for a pose: it takes two to triangulate."""
+"""Number of map images to seek for a pose; triangulation needs two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Posing:
     """The cameras of a query and of the map images that it may lie in.
 
     Attributes:
-        camera: of the query, in its pixels.
+        camera: camera of the query, in its pixels.
         posed: map images whose camera and pose are known, by name.
     """
 
@@ -45,7 +45,7 @@ class Posing:
     def of(
         store: PoseStore, images: Iterable[MapImage], camera: CameraIntrinsics | None
     ) -> "Posing | None":
-        """What is known; None where the query's camera, or that of all the images, is not."""
+        """Return what is known; None without the query's camera or any map image's pose."""
         if camera is None:
             return None
         names = {image.id: image.name for image in images}
@@ -53,23 +53,23 @@ class Posing:
         return Posing(camera, posed) if posed else None
 
     def cameras(self, image: str) -> Intrinsics | None:
-        """Of a map image (far) and the query (near); None where that of the image is not known."""
+        """Return the cameras of a map image (far) and the query (near); None without the former."""
         posed = self.posed.get(image)
         return None if posed is None else Intrinsics(posed.camera, self.camera)
 
-    def apart(self, image: str, other: str) -> float:
-        """Distance between the cameras of two map images; infinite where it is not known."""
+    def distance(self, image: str, other: str) -> float:
+        """Return the distance between the cameras of two map images; infinite where unknown."""
         first, second = self.posed.get(image), self.posed.get(other)
         if first is None or second is None or first.world != second.world:
             return math.inf
         return float(np.linalg.norm(first.centre - second.centre))
 
     def query_pose(self, answers: Sequence[MapAnswer], seed: int) -> QueryPose | None:
-        """The pose of the query.
+        """Estimate the pose of the query.
 
         Args:
             answers: best first.
-            seed: of every random choice.
+            seed: seed of every random choice.
         """
         matches = [
             _matches(answer, self.posed[answer.image])
@@ -94,25 +94,27 @@ def _matches(answer: MapAnswer, posed: PosedImage) -> ImageMatches:
 
 
 LARGEST_ERROR = 3.0
-"""Of a point of the scene in the query, in pixels at which the matches were found."""
+"""Largest reprojection error of an inlier, in pixels of the image at which matches were found."""
 LEAST_INLIERS = 12
+"""Least number of inliers of a pose."""
 LEAST_ANGLE = 5.0
-"""Between the directions from two map images, in degrees, so that they meet at a place."""
+"""Least angle in degrees between the directions from two map images that are intersected."""
 ITERATIONS = 10_000
+"""Largest number of RANSAC iterations."""
 
 
 def query_pose(
     matches: Sequence[ImageMatches], camera: CameraIntrinsics, seed: int
 ) -> QueryPose | None:
-    """The pose of a query.
+    """Estimate the pose of a query.
 
     Args:
-        matches: with map images, the best first; only those of its world are used.
-        camera: of the query, in its pixels.
-        seed: of every random choice.
+        matches: matches with map images, the best first; only images of its world are used.
+        camera: camera of the query, in its pixels.
+        seed: seed of every random choice.
 
     Returns:
-        The pose; None where there are no matches, or neither pose nor direction can be told.
+        The pose; None where there are no matches, or they give neither pose nor direction.
     """
     same = [each for each in matches if each.posed.world == matches[0].posed.world]
     if not same:
@@ -138,7 +140,7 @@ def query_pose(
 def _absolute(
     scene: ScenePoints, camera: CameraIntrinsics, largest_error: float, seed: int
 ) -> tuple[Matrix3, NDArray[np.float64], Mask] | None:
-    """Rotation and centre of the query's camera in the world, and the points that agree."""
+    """Estimate rotation and centre of the query's camera in the world, and the inliers."""
     if len(scene.points) < LEAST_INLIERS:
         return None
     pinhole = {
@@ -165,7 +167,7 @@ def _absolute(
 
 
 def _by_directions(matches: Sequence[ImageMatches]) -> QueryPose | None:
-    """Where the directions from several map images meet, or the direction from the best alone."""
+    """Intersect the directions from several map images, or return that from the best alone."""
     directed = [(each, each.map_from_query) for each in matches if each.map_from_query]
     if not directed:
         return None
@@ -190,7 +192,7 @@ def _by_directions(matches: Sequence[ImageMatches]) -> QueryPose | None:
 def _meeting_place(
     origins: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Where rays meet; None where they are nearly parallel, or meet behind where they start."""
+    """Intersect rays; return None where they are nearly parallel or meet behind their origins."""
     cosines = directions @ directions.T
     if np.abs(cosines).min() > np.cos(np.radians(LEAST_ANGLE)):
         return None

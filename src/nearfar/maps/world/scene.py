@@ -15,9 +15,10 @@ from nearfar.geometry.intrinsics import CameraIntrinsics
 ROTATION_ERROR = 1e-3
 """Largest difference of a rotation times its transpose from the identity."""
 OBSERVED_WITHIN = 8.0
-"""Pixels of a map image between a match and the observed point of which it takes the distance."""
+"""Largest distance, in pixels of a map image, from a match to the observed point that gives its
+depth."""
 SAME_POINT = 1.0
-"""Pixels between matches of the query with two map images that are one point."""
+"""Largest distance, in pixels of the query, at which matches with two map images are one point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +26,10 @@ class PosedImage:
     """Camera and pose of a map image, and known points of the scene that it shows.
 
     Attributes:
-        camera: in pixels of the original image; distortion is left out.
-        rotation: (3, 3) takes directions in the camera to the world.
-        centre: (3,) of the camera in the world.
-        observed: (N, 2) pixels at which the image shows points of a model.
+        camera: intrinsics in pixels of the original image, without distortion.
+        rotation: (3, 3) rotation from the camera to the world.
+        centre: (3,) centre of the camera in the world.
+        observed: (N, 2) pixels at which the image shows known points.
         points: (N, 3) these points in the world.
         world: name of the map source; images of the same world have the same frame. `Map.attach`
             sets it.
@@ -43,7 +44,7 @@ class PosedImage:
 
     @property
     def valid(self) -> bool:
-        """Whether camera and pose are finite, the rotation is one, and the shapes fit."""
+        """Whether camera and pose are finite, the matrix is a rotation, and the shapes fit."""
         camera, rotation = self.camera, np.asarray(self.rotation)
         if rotation.shape != (3, 3) or np.shape(self.centre) != (3,):
             return False
@@ -54,17 +55,17 @@ class PosedImage:
         return bool(error < ROTATION_ERROR and np.linalg.det(rotation) > 0)
 
     def in_camera(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) points of the world in the frame of the camera."""
+        """Return (N, 3) points of the world in the frame of the camera."""
         return np.asarray((points - self.centre) @ self.rotation)
 
     def in_world(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) points of the frame of the camera in the world."""
+        """Return (N, 3) points in the frame of the camera in the world."""
         return np.asarray(points @ self.rotation.T + self.centre)
 
     def errors(self, points: NDArray[np.float64], pixels: Coordinates) -> NDArray[np.float64]:
-        """(N,) distances in pixels between (N, 3) points as seen and (N, 2) pixels.
+        """Return (N,) reprojection errors of (N, 3) points at (N, 2) pixels, in pixels.
 
-        Infinite for points that are not before the camera.
+        The error is infinite for points behind the camera.
         """
         seen = self.in_camera(points) @ self.camera.matrix.T
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -74,15 +75,15 @@ class PosedImage:
 
 @dataclass(frozen=True, eq=False)
 class ImageMatches:
-    """Matched points of a map image with known camera and pose and a query.
+    """Matched points of a query and a map image with known camera and pose.
 
     Attributes:
         image: name of the map image.
-        posed: its camera and pose.
+        posed: camera and pose of the map image.
         seen: (N, 2) pixels of the map image.
-        query: (N, 2) the matched pixels of the query.
-        pixel: size of a pixel at which they were found, in pixels of the query.
-        map_from_query: relative pose; None where none was estimated.
+        query: (N, 2) matched pixels of the query.
+        pixel: size, in pixels of the query, of a pixel at which the matches were found.
+        map_from_query: relative pose; None where a homography was estimated.
     """
 
     image: str
@@ -99,7 +100,7 @@ class ScenePoints:
 
     Attributes:
         query: (N, 2) pixels of the query.
-        points: (N, 3) in the world.
+        points: (N, 3) points in the world.
     """
 
     query: Coordinates
@@ -107,7 +108,7 @@ class ScenePoints:
 
     @staticmethod
     def joined(parts: Sequence["ScenePoints"]) -> "ScenePoints":
-        """All points of some sets."""
+        """Concatenate sets of points."""
         every = [ScenePoints(np.empty((0, 2)), np.empty((0, 3))), *parts]
         return ScenePoints(
             np.vstack([each.query for each in every]), np.vstack([each.points for each in every])
@@ -115,14 +116,14 @@ class ScenePoints:
 
 
 def of_model(matches: Sequence[ImageMatches]) -> ScenePoints:
-    """The matched pixels of the map images at the distances of the model's points near them."""
+    """Place matched pixels of the map images at the depths of observed points near them."""
     return ScenePoints.joined([_near_observed(each) for each in matches])
 
 
 def _near_observed(matches: ImageMatches) -> ScenePoints:
-    """The scene at the matched pixels, at the distance of the nearest observed point.
+    """Place the matched pixels of an image at the depths of the nearest observed points.
 
-    That point's ray tells a pixel's ray too, whatever the distortion, since both are so near.
+    The ray of a pixel is that of the observed point beside it, so distortion hardly matters.
     """
     posed = matches.posed
     match, near = _pairs(matches.seen, posed.observed, OBSERVED_WITHIN, mutual=False).T
@@ -134,19 +135,19 @@ def _near_observed(matches: ImageMatches) -> ScenePoints:
 
 
 def of_tracks(matches: Sequence[ImageMatches]) -> ScenePoints:
-    """The points of the query that two map images show as well."""
+    """Triangulate the points of the query that two map images show."""
     parts = []
     for first, second in itertools.combinations(matches, 2):
         largest = SAME_POINT * max(first.pixel, second.pixel)
         in_first, in_second = _pairs(first.query, second.query, largest, mutual=True).T
         seen = first.seen[in_first], second.seen[in_second]
-        points, good = triangulated(first.posed, second.posed, *seen)
+        points, good = triangulate(first.posed, second.posed, *seen)
         parts.append(ScenePoints(first.query[in_first][good], points[good]))
     return ScenePoints.joined(parts)
 
 
 def _pairs(points: Coordinates, others: Coordinates, largest: float, *, mutual: bool) -> IndexPairs:
-    """(M, 2) indices of points and of the nearest others, at most so far apart."""
+    """Return (M, 2) indices of points and their nearest others within the `largest` distance."""
     if not len(points) or not len(others):
         return np.empty((0, 2), np.intp)
     matcher = cv2.BFMatcher(cv2.NORM_L2, crossCheck=mutual)
@@ -156,25 +157,25 @@ def _pairs(points: Coordinates, others: Coordinates, largest: float, *, mutual: 
 
 
 LEAST_ANGLE = 1.0
-"""Between the two rays to a point, in degrees; with less its distance is too uncertain."""
+"""Least angle in degrees between the two rays to a point; below it the depth is too uncertain."""
 LARGEST_ERROR = 3.0
-"""Of the point seen in both views, in pixels of each."""
+"""Largest reprojection error of a triangulated point, in pixels of each image."""
 
 
-def triangulated(
+def triangulate(
     first: PosedImage, second: PosedImage, seen_first: Coordinates, seen_second: Coordinates
 ) -> tuple[NDArray[np.float64], Mask]:
-    """Points of the scene from the pixels at which two images show them.
+    """Triangulate points from the pixels at which two images show them.
 
     Args:
         first: an image.
         second: another image of the same world.
-        seen_first: (N, 2) pixels of the first.
-        seen_second: (N, 2) pixels of the second.
+        seen_first: (N, 2) pixels of the first image.
+        seen_second: (N, 2) pixels of the second image.
 
     Returns:
-        (N, 3) points in the world, and (N,) which of them lie before both cameras, where both see
-        them, at a distance that is certain enough.
+        (N, 3) points in the world, and (N,) which of them are valid: in front of both cameras, with
+        small errors in both images and a wide enough angle between the rays.
     """
     if not len(seen_first):
         return np.empty((0, 3)), np.empty(0, np.bool_)
@@ -195,11 +196,11 @@ def triangulated(
 def meeting_point(
     origins: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(3,) the point nearest to some rays, by least squares.
+    """Return (3,) the point nearest to rays, by least squares.
 
     Args:
-        origins: (N, 3) of the rays.
-        directions: (N, 3) of unit length, not all parallel.
+        origins: (N, 3) origins of the rays.
+        directions: (N, 3) unit vectors, not all parallel.
     """
     across = np.eye(3) - directions[:, :, np.newaxis] * directions[:, np.newaxis, :]
     rows, targets = across.reshape(-1, 3), np.einsum("nij,nj->ni", across, origins).ravel()
@@ -207,12 +208,12 @@ def meeting_point(
 
 
 def _projection(posed: PosedImage, origin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 4) from a world that is moved so that numbers stay small."""
+    """Return the (3, 4) projection from a world that is moved so that numbers stay small."""
     moved = -posed.rotation.T @ (posed.centre - origin)
     return np.asarray(posed.camera.matrix @ np.column_stack([posed.rotation.T, moved]))
 
 
 def _angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) angles between (N, 3) vectors, in degrees."""
+    """Return (N,) angles between (N, 3) vectors, in degrees."""
     sine = np.linalg.norm(np.cross(first, second), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, (first * second).sum(axis=1))))
