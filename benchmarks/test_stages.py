@@ -12,12 +12,12 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from skimage import data
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.descriptors.hog import HOG
-from nearfar.estimators.ransac import Ransac
+from nearfar.descriptors.handcrafted import HOG
+from nearfar.estimators.opencv import Ransac
 from nearfar.features.detection import detect_sift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_mnn, match_mnn_in_boxes
-from nearfar.landmarks.landmarks import Landmarks, match_landmarks
+from nearfar.landmarks import Landmarks, match_landmarks
 from nearfar.models import Task
 from nearfar.proposals.selective_search import SelectiveSearch
 from nearfar.settings import Settings

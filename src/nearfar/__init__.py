@@ -16,7 +16,7 @@ from nearfar.errors import (
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
 from nearfar.imaging.image import Image, ImageInfo, read_image
-from nearfar.landmarks.landmarks import LandmarkMatches
+from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches, read_images
 from nearfar.localizer import Localizer, localize
 from nearfar.settings import Settings

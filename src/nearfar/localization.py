@@ -14,7 +14,7 @@ from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.errors import ImageError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
-from nearfar.landmarks.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.models import MODEL_KINDS, ModelKind
 
 

@@ -21,7 +21,7 @@ from nearfar.geometry.intrinsics import (
     read_intrinsics,
 )
 from nearfar.imaging.image import Image, ImageSource, read_image
-from nearfar.landmarks.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
 from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task

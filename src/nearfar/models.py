@@ -7,7 +7,7 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.landmarks.landmarks import LandmarkMatches
+from nearfar.landmarks import LandmarkMatches
 
 ModelKind = Literal["homography", "fundamental", "pose"]
 MODEL_KINDS: tuple[ModelKind, ...] = ("homography", "fundamental", "pose")

@@ -21,7 +21,7 @@ from nearfar.bench.studies.tap_features import TapFeatures, VectorFile, taps_of
 from nearfar.cli import main
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
 from nearfar.features.feature_map import unit_rows
-from nearfar.landmarks.landmarks import Landmarks, match_landmarks
+from nearfar.landmarks import Landmarks, match_landmarks
 from nearfar.methods.paper import Paper
 from nearfar.runtime.timing import StageTimer
 from nearfar.runtime.workers import Workers

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DenseDescriptor
-from nearfar.descriptors.colour_histogram import ColourHistogram
+from nearfar.descriptors.handcrafted import ColourHistogram
 from nearfar.settings import Settings
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DenseDescriptor
-from nearfar.descriptors.hog import HOG
+from nearfar.descriptors.handcrafted import HOG
 from nearfar.settings import Settings
 from tests.descriptors.maps import middle_of_influence
 

@@ -142,15 +142,17 @@ def test_the_same_seed_gives_the_same_model(name: str) -> None:
 
 def test_the_parameters_are_those_of_opencvs_flag() -> None:
     """OpenCV's flag USAC_MAGSAC has no seed; the parameters that replace it must not differ."""
-    from nearfar.estimators.magsac import CONFIDENCE, MAX_ITERATIONS, _parameters
+    from nearfar.estimators.opencv import MAGSAC_CONFIDENCE as CONFIDENCE
+    from nearfar.estimators.opencv import MAGSAC_ITERATIONS as MAX_ITERATIONS
+    from nearfar.estimators.opencv import magsac_parameters
 
     rng = np.random.default_rng(2)
     far, near = plane_matches(rng, random_homography(rng), right=60, wrong=240, noise=0.5)
     flag, _ = cv2.findHomography(
         near, far, cv2.USAC_MAGSAC, 2.0, maxIters=MAX_ITERATIONS, confidence=CONFIDENCE
     )
-    own, _ = cv2.findHomography(near, far, _parameters(2.0, 0, 75, 15))
+    own, _ = cv2.findHomography(near, far, magsac_parameters(2.0, 0, "homography"))
     np.testing.assert_array_equal(own, flag)
     flag, _ = cv2.findFundamentalMat(near, far, cv2.USAC_MAGSAC, 2.0, CONFIDENCE, MAX_ITERATIONS)
-    own, _ = cv2.findFundamentalMat(near, far, _parameters(2.0, 0, 50, 10))
+    own, _ = cv2.findFundamentalMat(near, far, magsac_parameters(2.0, 0, "fundamental"))
     np.testing.assert_array_equal(own, flag)

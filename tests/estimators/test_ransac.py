@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates
-from nearfar.estimators.ransac import Ransac
+from nearfar.estimators.opencv import Ransac
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.errors import (
     direction_angle,

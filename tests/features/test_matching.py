@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from nearfar.features import matching
 from nearfar.features.matching import mutual_nearest, negative_squared_distance, second_similarity
-from nearfar.landmarks.landmarks import cosine_similarity
+from nearfar.landmarks import cosine_similarity
 
 
 @given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 1000))

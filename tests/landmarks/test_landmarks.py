@@ -7,7 +7,7 @@ import pytest
 
 from nearfar.errors import SettingsError
 from nearfar.features.feature_map import unit_rows
-from nearfar.landmarks.landmarks import (
+from nearfar.landmarks import (
     LandmarkLayers,
     Landmarks,
     centres,

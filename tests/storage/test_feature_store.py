@@ -19,7 +19,7 @@ import pytest
 from nearfar.arrays import RGBPixels
 from nearfar.constants import DEFAULT
 from nearfar.features.keypoints import Keypoints
-from nearfar.landmarks.landmarks import Landmarks
+from nearfar.landmarks import Landmarks
 from nearfar.localizer import Localizer
 from nearfar.methods.points import PointMethod
 from nearfar.runtime.timing import StageTimer

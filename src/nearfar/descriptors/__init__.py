@@ -1,4 +1,4 @@
-"""Descriptors: boxes of an image -> vectors to compare them by. One module a descriptor."""
+"""Descriptors: boxes of an image -> vectors to compare them by."""
 
 from typing import Protocol, runtime_checkable
 
@@ -8,32 +8,38 @@ from nearfar.registry import Registry
 
 
 class Descriptor(Protocol):
-    """Describes the content of boxes so that the cosine of two vectors tells their likeness."""
+    """Describes the content of boxes. The cosine of two vectors is the similarity of two boxes."""
 
     @property
     def dimensions(self) -> int:
-        """Number of values of one vector."""
+        """Return the number of values of one vector."""
         ...
 
     def describe(self, pixels: RGBPixels, boxes: Boxes) -> Vectors:
-        """One vector of unit length a box.
+        """Return one vector for each box.
 
         Args:
-            pixels: the working image.
-            boxes: (N, 4) boxes inside the image.
+            pixels: the working image, (height, width, 3) uint8, red first.
+            boxes: (N, 4) int32, one row a box inside the image: x and y of its top left pixel,
+                width, height, in pixels.
 
         Returns:
-            (N, dimensions); a row is all zero where the box has nothing to describe.
+            (N, dimensions) float16 or float32, rows of unit length. A row is all zero if the box
+            has nothing to describe.
         """
         ...
 
 
 @runtime_checkable
 class DenseDescriptor(Descriptor, Protocol):
-    """Describes every place of an image at once."""
+    """Describes the whole image by a grid of cells, as the method `adaptive` needs it."""
 
     def feature_map(self, pixels: RGBPixels) -> FeatureMap:
-        """The features of an image of at least 16x16 pixels."""
+        """Return the features of an image with at least 16x16 pixels.
+
+        Args:
+            pixels: (height, width, 3) uint8, red first.
+        """
         ...
 
 

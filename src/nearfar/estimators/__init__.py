@@ -1,19 +1,48 @@
-"""Estimators: point matches -> model. One module an estimator."""
+"""Estimators: matched points -> model and inliers."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.homography import normalized
 from nearfar.models import LEAST_MATCHES, MODEL_NAMES, Estimate, Task, failure
 from nearfar.registry import Registry
-from nearfar.verification.degeneracy import distinct_matches, finite_rows
+from nearfar.verification.degeneracy import (
+    determines_homography,
+    distinct_matches,
+    finite_rows,
+    is_model,
+)
 
 Fit = Callable[[Coordinates, Coordinates], tuple[Matrix3 | RelativePose, Mask] | None]
-"""Far and near points, all finite -> model and inliers, or None where there is no model."""
+"""Maps K far and K near points, all finite, to a model and (K,) inliers, or to None."""
+
+
+class Estimator(Protocol):
+    """Fits a model to point matches, of which many may be incorrect."""
+
+    def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
+        """Return the model that most matches agree with, or the reason why there is none.
+
+        Args:
+            far: (N, 2) points in pixels of the far working image.
+            near: (N, 2) points in pixels of the near working image; row i is matched to row i of
+                `far`.
+            task: kind of model, and for a pose both calibration matrices.
+
+        Returns:
+            The model `far_from_near` and one inlier flag a match, (N,) bool. It is a (3, 3)
+            homography or fundamental matrix (x_farᵀ F x_near = 0), or a `RelativePose`. No input
+            raises an exception.
+        """
+        ...
+
+
+ESTIMATORS: Registry[Estimator] = Registry("estimator", "nearfar.estimators")
 
 
 def fit_guarded(
@@ -24,18 +53,18 @@ def fit_guarded(
     fit: Fit,
     seed: int | None = 0,
 ) -> Estimate:
-    """What every estimator does around its own fit, so that no input makes it fail.
+    """Return the estimate of a fit, so that no input raises an exception.
 
-    Matches that are not finite are left out, and so few that they do not determine the model are
-    refused. The others reach `fit` in an order drawn with the seed.
+    Matches that are not finite never reach `fit`. Without enough distinct matches the estimate is
+    a failure.
 
     Args:
-        far: (N, 2) far points.
-        near: (N, 2) near points.
+        far: (N, 2) far points in pixels.
+        near: (N, 2) near points in pixels.
         task: the kind of model.
         threshold: largest error of an inlier, in pixels.
-        fit: the estimator's own part.
-        seed: seed of the order; None keeps the order of the matches.
+        fit: fits the model.
+        seed: seed of the order in which `fit` gets the matches; None keeps their order.
     """
     finite = finite_rows(far, near)
     name = MODEL_NAMES[task.model]
@@ -59,21 +88,36 @@ def fit_guarded(
     return Estimate(model, mask, threshold)
 
 
-class Estimator(Protocol):
-    """Fits a model to matches of which many are wrong."""
+def checked_homography(
+    matrix: Any, inliers: Any, far: Coordinates, near: Coordinates, threshold: float
+) -> tuple[Matrix3, Mask] | None:
+    """Return a library's homography and inliers, or None if they do not determine one.
 
-    def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
-        """The model for the matched points.
+    Args:
+        matrix: the library's result, (3, 3) or anything else.
+        inliers: (K,) or (K, 1) flags.
+        far: (K, 2) far points in pixels.
+        near: (K, 2) near points in pixels.
+        threshold: largest error of an inlier, in pixels.
+    """
+    if not is_model(matrix):
+        return None
+    mask = np.asarray(inliers, np.bool_).ravel()
+    if not determines_homography(matrix, far, near, mask, threshold):
+        return None
+    return normalized(matrix), mask
 
-        Args:
-            far: (N, 2) pixels of the far working image.
-            near: (N, 2) the matched pixels of the near working image.
-            task: the kind of model.
 
-        Returns:
-            The estimate; never an exception, whatever the points are.
-        """
-        ...
+def checked_fundamental(matrix: Any, inliers: Any) -> tuple[Matrix3, Mask] | None:
+    """Return a library's fundamental matrix at norm 1 and its inliers, or None if it is none.
 
-
-ESTIMATORS: Registry[Estimator] = Registry("estimator", "nearfar.estimators")
+    Args:
+        matrix: the library's result, (3, 3) or anything else.
+        inliers: (K,) or (K, 1) flags.
+    """
+    if not is_model(matrix) or not matrix.any():
+        return None
+    mask = np.asarray(inliers, np.bool_).ravel()
+    if mask.sum() < LEAST_MATCHES["fundamental"]:
+        return None
+    return np.asarray(matrix / np.linalg.norm(matrix)), mask

@@ -1,4 +1,4 @@
-"""Feature maps: a descriptor at every place of an image; descriptors of unit length."""
+"""Feature maps: a grid of descriptors over an image; descriptors of unit length."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from nearfar.arrays import Coordinates
 
 @dataclass(frozen=True, eq=False)
 class FeatureMap:
-    """Features at every place of an image.
+    """A grid of cells over an image, with a descriptor for each.
 
     Attributes:
-        values: (rows, columns, D) one vector a cell.
-        stride: distance of neighbouring cells in pixels.
-        offset: centre of the first cell in x and in y, in pixels.
+        values: (rows, columns, D) float32, one descriptor a cell.
+        stride: distance of neighbouring cells, in pixels.
+        offset: x and y of the centre of the first cell, in pixels.
     """
 
     values: NDArray[np.float32]
@@ -24,16 +24,16 @@ class FeatureMap:
 
     @property
     def centres(self) -> Coordinates:
-        """(rows * columns, 2) of the cells, row by row, in pixels of the image."""
+        """Return the (rows * columns, 2) centres of the cells in pixels, row by row."""
         rows, columns = self.values.shape[:2]
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.offset + self.stride * np.column_stack([x.ravel(), y.ravel()]).astype(float)
 
 
 def unit_rows(vectors: NDArray[np.float32]) -> NDArray[np.float16]:
-    """Rows scaled to unit length, as float16; zero rows stay zero.
+    """Return (N, D) rows scaled to unit length, as float16; zero rows stay zero.
 
-    Half precision halves the memory of 131,072-value descriptors; the cosine of two of them
+    Half precision halves the memory of descriptors with 131,072 values. The cosine of two of them
     changes by less than 1e-5.
     """
     length = np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -11,7 +11,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, outline, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.imaging.tiles import Tile
-from nearfar.landmarks.landmarks import LandmarkMatches
+from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.voting import Hypothesis

@@ -1,4 +1,7 @@
-"""The method of Holliday and Dudek, "Scale-Robust Localization Using General Object Landmarks"."""
+"""The method of Holliday and Dudek, "Scale-Robust Localization Using General Object Landmarks".
+
+The method `objects` is its baseline without point features.
+"""
 
 from dataclasses import dataclass
 
@@ -7,7 +10,7 @@ from nearfar.estimators import ESTIMATORS, Estimator
 from nearfar.features.detection import detect_sift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_mnn_in_boxes
-from nearfar.landmarks.landmarks import (
+from nearfar.landmarks import (
     LandmarkDetector,
     LandmarkLayers,
     LandmarkMatches,
@@ -20,25 +23,25 @@ from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 
 LEAST_POINT_MATCHES = 5
-"""With fewer, the authors' code takes the centres of the matched boxes instead."""
+"""With fewer matches the authors' code takes the centres of the matched boxes instead."""
 
 
 @dataclass(frozen=True, eq=False)
 class PaperFeatures:
-    """Landmarks and points of one image."""
+    """Landmarks and keypoints of one image."""
 
     landmarks: LandmarkLayers
     points: Keypoints
 
     @property
     def nbytes(self) -> int:
-        """Memory that the arrays take, in bytes."""
+        """Memory of the arrays in bytes."""
         return self.landmarks.nbytes + self.points.nbytes
 
 
 @METHODS.register("paper")
 class Paper:
-    """Landmarks are matched first; SIFT points are matched only inside matched landmarks.
+    """Matches landmarks first, and SIFT keypoints only inside matched landmarks.
 
     Several descriptors, as in "resnet50-res3d@64+resnet50-res5c@224", give the union of their
     landmark matches.
@@ -51,7 +54,7 @@ class Paper:
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
-        """Object proposals, a network's description of each, and SIFT points."""
+        """Return landmarks and SIFT keypoints; see `Method.extract`."""
         landmarks = self._landmarks.detect(pixels, timer)
         with timer.stage("points"):
             points = detect_sift(pixels)
@@ -60,14 +63,48 @@ class Paper:
     def localize(
         self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
     ) -> Answer:
-        """Match landmarks, match the points inside them, and estimate the model by RANSAC."""
+        """See `Method.localize`."""
         return match_and_estimate(far, near, task, self._estimator, timer)
+
+
+@METHODS.register("objects")
+class Objects:
+    """Matches landmarks as `paper` does, and fits the model to the centres of their boxes."""
+
+    uses_landmarks = True
+
+    def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self._landmarks = LandmarkDetector(settings)
+        self._estimator = ESTIMATORS.create(settings.estimator, settings)
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
+        """See `Method.extract`."""
+        return self._landmarks.detect(pixels, timer)
+
+    def localize(
+        self, far: LandmarkLayers, near: LandmarkLayers, task: Task, timer: StageTimer
+    ) -> Answer:
+        """See `Method.localize`."""
+        with timer.stage("landmark matching"):
+            matches = match_layers(far, near)
+        far_xy, near_xy = centres(matches.far_boxes), centres(matches.near_boxes)
+        with timer.stage("estimation"):
+            estimate = self._estimator.estimate(far_xy, near_xy, task)
+        return Answer(far_xy, near_xy, matches, estimate)
 
 
 def match_and_estimate(
     far: PaperFeatures, near: PaperFeatures, task: Task, estimator: Estimator, timer: StageTimer
 ) -> Answer:
-    """The part of the method that needs both images; see `Method.localize`."""
+    """Return the answer of the method `paper` for the features of two images.
+
+    Args:
+        far: features of the far image.
+        near: features of the near image.
+        task: kind of model, and for a pose both calibration matrices.
+        estimator: fits the model.
+        timer: measures the stages.
+    """
     with timer.stage("landmark matching"):
         landmarks = match_layers(far.landmarks, near.landmarks)
     with timer.stage("point matching"):
@@ -80,7 +117,7 @@ def match_and_estimate(
 def _matches_in(
     landmarks: LandmarkMatches, far: Keypoints, near: Keypoints
 ) -> tuple[Coordinates, Coordinates]:
-    """(N, 2) matched far and near points inside matched landmarks, or the landmarks' centres."""
+    """Return (K, 2) matched far and near points inside landmarks, or the landmarks' centres."""
     pairs = match_mnn_in_boxes(far, near, landmarks.far_boxes, landmarks.near_boxes)
     if len(pairs) < LEAST_POINT_MATCHES:
         return centres(landmarks.far_boxes), centres(landmarks.near_boxes)

@@ -8,7 +8,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
 from nearfar.imaging.image import ImagePair
 from nearfar.imaging.overlap import box_overlap, outer_edges
-from nearfar.landmarks.landmarks import LandmarkMatches, centres
+from nearfar.landmarks import LandmarkMatches, centres
 from nearfar.localization import Localization
 from nearfar.render.draw import (
     AGREEING,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.constants import DEFAULT
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
-from nearfar.descriptors.hog import HOG
+from nearfar.descriptors.handcrafted import HOG
 from nearfar.geometry.homography import local_scale, transform
 from nearfar.methods.adaptive import search as search_module
 from nearfar.methods.adaptive.hypothesis import Hypothesis

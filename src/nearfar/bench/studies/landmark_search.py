@@ -19,7 +19,7 @@ from nearfar.bench.datasets.regions import (
 from nearfar.descriptors import DenseDescriptor, Descriptor
 from nearfar.geometry.homography import outline, transform
 from nearfar.imaging.overlap import box_overlap, outer_edges, polygon_area, polygon_overlap
-from nearfar.landmarks.landmarks import cosine_similarity
+from nearfar.landmarks import cosine_similarity
 from nearfar.methods.adaptive.search import pyramid, search, templates
 
 RIGHT = 0.5

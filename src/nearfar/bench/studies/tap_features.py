@@ -18,7 +18,7 @@ from nearfar.errors import SettingsError
 from nearfar.estimators import Estimator
 from nearfar.features.detection import detect_sift
 from nearfar.features.keypoints import Keypoints
-from nearfar.landmarks.landmarks import LandmarkLayers, Landmarks
+from nearfar.landmarks import LandmarkLayers, Landmarks
 from nearfar.methods.paper import PaperFeatures, match_and_estimate
 from nearfar.models import Answer, Task
 from nearfar.networks import resnet50, squeezenet

@@ -17,7 +17,7 @@ from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import Nearest, nearest_neighbours
 from nearfar.geometry.homography import outline, transform
-from nearfar.landmarks.landmarks import LandmarkMatches
+from nearfar.landmarks import LandmarkMatches
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
 from nearfar.methods.adaptive.attempt import Attempt, attempt

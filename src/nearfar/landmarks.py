@@ -1,4 +1,4 @@
-"""Landmarks: proposals with their descriptors, and their matches between two images."""
+"""Landmarks: boxes of an image with descriptors, and their matches between two images."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 
 _CHUNK = 4096
-"""Descriptor values that are multiplied at a time; bounds memory for 131,072-value vectors."""
+"""Values of a descriptor that are multiplied at a time; bounds the memory of 131,072 values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Landmarks:
     """The landmarks of one image.
 
     Attributes:
-        boxes: (N, 4) in pixels of the working image.
+        boxes: (N, 4) boxes (x, y, width, height) in pixels of the working image.
         vectors: (N, D) descriptors of unit length.
     """
 
@@ -30,28 +30,28 @@ class Landmarks:
 
     @property
     def nbytes(self) -> int:
-        """Memory that the arrays take, in bytes."""
+        """Memory of the arrays in bytes."""
         return self.boxes.nbytes + self.vectors.nbytes
 
 
 @dataclass(frozen=True, eq=False)
 class LandmarkLayers:
-    """The landmarks of one image as several descriptors see them, or as the only one does.
+    """The landmarks of one image, described by one or several descriptors.
 
     Attributes:
-        layers: the same boxes with the vectors of each descriptor.
+        layers: for each descriptor the landmarks; all have the same boxes.
     """
 
     layers: tuple[Landmarks, ...]
 
     @property
     def nbytes(self) -> int:
-        """Memory that the arrays take, in bytes."""
+        """Memory of the arrays in bytes."""
         return sum(layer.nbytes for layer in self.layers)
 
 
 def landmark_descriptors(settings: Settings) -> list[Descriptor]:
-    """The descriptors that the settings name, one or several joined by "+".
+    """Return the descriptors that the settings name: one, or several joined by "+".
 
     Raises:
         SettingsError: a name is unknown.
@@ -61,7 +61,7 @@ def landmark_descriptors(settings: Settings) -> list[Descriptor]:
 
 
 class LandmarkDetector:
-    """Finds the landmarks of images, by the proposer and the descriptors that the settings name.
+    """Finds the landmarks of images with the proposer and the descriptors of the settings.
 
     Raises:
         SettingsError: a name is unknown.
@@ -73,7 +73,12 @@ class LandmarkDetector:
         self._descriptors = landmark_descriptors(settings)
 
     def detect(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
-        """Object proposals, and each descriptor's description of each."""
+        """Return the proposed boxes with the descriptors of each.
+
+        Args:
+            pixels: the working image.
+            timer: measures the stages "proposals" and "descriptors".
+        """
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("descriptors"):
@@ -82,12 +87,12 @@ class LandmarkDetector:
 
 
 def centres(boxes: Boxes) -> Coordinates:
-    """(N, 2) centres of (N, 4) boxes, in pixels."""
+    """Return the (N, 2) centres of (N, 4) boxes, in pixels."""
     return boxes[:, :2] + (boxes[:, 2:] - 1) / 2
 
 
 def cosine_similarity(far: Vectors, near: Vectors) -> NDArray[np.float32]:
-    """(N, M) cosines between (N, D) and (M, D) vectors of unit length."""
+    """Return the (N, M) cosines between (N, D) and (M, D) vectors of unit length."""
     similarity = np.zeros((len(far), len(near)), np.float32)
     for start in range(0, far.shape[1], _CHUNK):
         part = slice(start, start + _CHUNK)
@@ -97,12 +102,13 @@ def cosine_similarity(far: Vectors, near: Vectors) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkMatches:
-    """Matched landmarks of two images; row i of one array belongs to row i of the others.
+    """Matched landmarks of two images; row i of each array describes match i.
 
     Attributes:
-        far_boxes: (M, 4).
-        near_boxes: (M, 4).
-        similarity: (M,) cosine of the two descriptors; of `adaptive` the mean over a template.
+        far_boxes: (M, 4) boxes (x, y, width, height) in pixels of the far image.
+        near_boxes: (M, 4) boxes in pixels of the near image.
+        similarity: (M,) cosine of the two descriptors; with the method `adaptive` the mean cosine
+            over the cells of the near image.
     """
 
     far_boxes: Boxes
@@ -119,21 +125,30 @@ NO_LANDMARKS = LandmarkMatches(
 
 
 def match_landmarks(far: Landmarks, near: Landmarks) -> LandmarkMatches:
-    """Mutual nearest neighbours by cosine distance (paper, section III), of a cosine above 0."""
+    """Return mutual nearest neighbours with a cosine above 0 (paper, section III).
+
+    Args:
+        far: landmarks of the far image.
+        near: landmarks of the near image.
+    """
     pairs = mutual_nearest(far.vectors, near.vectors, cosine_similarity)
     similarity = np.array(
         [far.vectors[i].astype(np.float32) @ near.vectors[j].astype(np.float32) for i, j in pairs],
         np.float32,
     )
-    alike = similarity > 0
-    far_index, near_index = pairs[alike].T
-    return LandmarkMatches(far.boxes[far_index], near.boxes[near_index], similarity[alike])
+    kept = similarity > 0
+    far_index, near_index = pairs[kept].T
+    return LandmarkMatches(far.boxes[far_index], near.boxes[near_index], similarity[kept])
 
 
 def match_layers(far: LandmarkLayers, near: LandmarkLayers) -> LandmarkMatches:
-    """The union of the matches of each descriptor (the paper's "matches from multiple layers").
+    """Return the union of all descriptors' matches (the paper's "matches from multiple layers").
 
-    Where several descriptors match the same two boxes, the most similar match is kept.
+    If several descriptors match the same two boxes, the match of the highest similarity is kept.
+
+    Args:
+        far: landmarks of the far image.
+        near: landmarks of the near image, by the same descriptors.
     """
     found = [match_landmarks(*both) for both in zip(far.layers, near.layers, strict=True)]
     if len(found) == 1:

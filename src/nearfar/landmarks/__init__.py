@@ -1,1 +1,0 @@
-"""Landmarks: boxes with descriptors, and their matches."""
