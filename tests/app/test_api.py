@@ -16,6 +16,7 @@ from PIL import Image
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.geometry.errors import symmetric_transfer_error
 from nearfar.geometry.homography import transform
+from nearfar.settings import EFFORTS
 from tests.app.conftest import Server
 from tests.conftest import KnownPair
 
@@ -36,6 +37,12 @@ def ended(server: Server, job: dict[str, Any]) -> dict[str, Any]:
             return now
         time.sleep(0.1)
     raise AssertionError(f"still {now['status']}")
+
+
+def test_the_page_learns_the_efforts_from_the_server(server: Server) -> None:
+    assert tuple(server.get("/api/about")["efforts"]) == EFFORTS
+    wording = server.ask("GET", "/static/js/wording.js").body.decode()
+    assert all(f"\n  {effort}: " in wording for effort in EFFORTS)
 
 
 def test_folders_list_images_and_nothing_else(server: Server, images: tuple[Path, Path]) -> None:

@@ -21,7 +21,8 @@ import pytest
 from PIL import Image
 
 from nearfar.app.kept import localization_of_row
-from nearfar.app.writer import ExportTask, written
+from nearfar.app.tasks import ExportTask
+from nearfar.app.worker import exported
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform
 from nearfar.imaging.image import ImageInfo
@@ -301,8 +302,8 @@ def test_many_exports_at_a_time_are_done_or_put_off(answer: Answer) -> None:
 def test_the_server_takes_no_part_in_the_writing(answer: Answer) -> None:
     pytest.importorskip("pycolmap")
     pid = answer.server.pid
-    (writer,) = (each for each in children(pid) if "nearfar.app.writer" in command(each))
-    assert "pycolmap" in Path(f"/proc/{writer}/maps").read_text()
+    writers = [each for each in children(pid) if "nearfar.app.worker" in command(each)]
+    (writer,) = (each for each in writers if "pycolmap" in Path(f"/proc/{each}/maps").read_text())
     assert "pycolmap" not in Path(f"/proc/{pid}/maps").read_text()
     os.kill(writer, signal.SIGKILL)
     answer.export("csv")  # May come before the end of the process is known.
@@ -337,7 +338,7 @@ def test_a_missing_package_names_its_extra(
         max_pixels=1000,
     )
     monkeypatch.setitem(sys.modules, package, None)
-    missing = {each.format: each for each in written(task) if not each.file}
+    missing = {each.format: each for each in exported(task) if not each.file}
     assert set(missing) == names
     for each in missing.values():
         assert each.reason == f"this needs {package}: pip install 'nearfar[export]'"

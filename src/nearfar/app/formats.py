@@ -1,12 +1,9 @@
 """Answers in the formats of `nearfar.exports`: which can be had, and their files."""
 
-import contextlib
+import asyncio
 import io
 import os
 import posixpath
-import subprocess
-import sys
-import threading
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +14,8 @@ from typing import Literal
 from nearfar.app.errors import BusyError, ConflictError
 from nearfar.app.kept import KeptAnswer
 from nearfar.app.library import Library
-from nearfar.app.results import crash_explanation
-from nearfar.app.writer import ExportTask, Outcome, Reply
+from nearfar.app.process import KILLED, WorkerProcess, crash_explanation
+from nearfar.app.tasks import Ended, ExportTask, Outcome
 from nearfar.exports.subject import ImageNames
 
 SECONDS = 60.0
@@ -44,9 +41,10 @@ class Formats:
     def __init__(self, library: Library, max_pixels: int) -> None:
         self._library = library
         self._max_pixels = max_pixels
-        self._writer = WriterProcess()
+        self._worker = WorkerProcess()
+        self._lock = asyncio.Lock()
 
-    def offered(self, answer: KeptAnswer) -> list[Outcome]:
+    async def offered(self, answer: KeptAnswer) -> list[Outcome]:
         """All formats; whether one can be written is found by writing it, with blank images.
 
         Raises:
@@ -55,9 +53,9 @@ class Formats:
             ImageError: an image cannot be read.
         """
         with TemporaryDirectory() as folder:
-            return self._written(answer, "blank", (), Path(folder))
+            return await self._written(answer, "blank", (), Path(folder))
 
-    def download(self, answer: KeptAnswer, formats: Sequence[str]) -> Download:
+    async def download(self, answer: KeptAnswer, formats: Sequence[str]) -> Download:
         """The file of one format, or a ZIP archive of several files.
 
         Raises:
@@ -67,43 +65,46 @@ class Formats:
         """
         with TemporaryDirectory() as folder:
             root = Path(folder)
-            outcomes = self._written(answer, "read", tuple(dict.fromkeys(formats)), root)
+            outcomes = await self._written(answer, "read", tuple(dict.fromkeys(formats)), root)
             for outcome in outcomes:
                 if outcome.reason is not None:
                     raise ConflictError(outcome.reason)
-            files = [file for outcome in outcomes for file in outcome.files]
-            if files == [outcomes[0].file]:
-                return Download(files[0], (root / files[0]).read_bytes())
-            return Download("exports.zip", _zipped(files, root))
+            return await asyncio.to_thread(_download, outcomes, root)
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End the process that writes."""
-        self._writer.close()
+        await self._worker.end()
 
-    def _written(
+    async def _written(
         self,
         answer: KeptAnswer,
         images: Literal["blank", "read"],
         formats: tuple[str, ...],
         folder: Path,
     ) -> list[Outcome]:
-        reply = self._writer.ask(
-            ExportTask(
-                localization=answer.localization.to_dict(),
-                matches=answer.matches,
-                far=answer.names.far,
-                near=answer.names.near,
-                images=images,
-                formats=formats,
-                folder=folder,
-                max_pixels=self._max_pixels,
-            )
+        if self._lock.locked():
+            raise BusyError("another export is under way: try again")
+        task = ExportTask(
+            localization=answer.localization.to_dict(),
+            matches=answer.matches,
+            far=answer.names.far,
+            near=answer.names.near,
+            images=images,
+            formats=formats,
+            folder=folder,
+            max_pixels=self._max_pixels,
         )
-        if reply.error is not None:
-            raise ConflictError(self._said(reply.error, answer))
+        async with self._lock:
+            try:
+                async with asyncio.timeout(SECONDS):
+                    ended = await self._worker.do(task)
+            except TimeoutError:
+                ended = Ended(error=crash_explanation(KILLED))
+        if ended.error is not None:
+            raise ConflictError(self._said(ended.error, answer))
         return [
             each.model_copy(update={"reason": each.reason and self._said(each.reason, answer)})
-            for each in reply.outcomes
+            for each in ended.outcomes
         ]
 
     def _said(self, text: str, answer: KeptAnswer) -> str:
@@ -112,53 +113,6 @@ class Formats:
         for file, name in ((found.far.path, names.far), (found.near.path, names.near)):
             text = text.replace(str(file), name)
         return self._library.without_places(text)
-
-
-class WriterProcess:
-    """`nearfar.app.writer`, started when it is first needed, and again after it has died."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None
-
-    def ask(self, task: ExportTask) -> Reply:
-        """What becomes of a task.
-
-        Raises:
-            BusyError: another one is under way.
-        """
-        if not self._lock.acquire(blocking=False):
-            raise BusyError("another export is under way: try again")
-        try:
-            process = self._started()
-            watchdog = threading.Timer(SECONDS, process.kill)
-            watchdog.start()
-            try:
-                line = _answer(process, task)
-            finally:
-                watchdog.cancel()
-            if not line:
-                return Reply(error=crash_explanation(process.wait()))
-            return Reply.model_validate_json(line)
-        finally:
-            self._lock.release()
-
-    def close(self) -> None:
-        """End it."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-
-    def _started(self) -> "subprocess.Popen[str]":
-        if self._process is None or self._process.poll() is not None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "nearfar.app.writer"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                encoding="utf-8",
-                start_new_session=True,  # Ctrl+C is for the server, which ends it.
-            )
-        return self._process
 
 
 def image_names(library: Library, far: str, near: str) -> ImageNames:
@@ -177,19 +131,13 @@ def image_names(library: Library, far: str, near: str) -> ImageNames:
     return names
 
 
-def _answer(process: "subprocess.Popen[str]", task: ExportTask) -> str:
-    """One line; empty where the process has ended."""
-    if process.stdin is None or process.stdout is None:
-        raise ValueError("the process has no pipes")
-    with contextlib.suppress(OSError):
-        process.stdin.write(task.model_dump_json() + "\n")
-        process.stdin.flush()
-    return process.stdout.readline()
-
-
-def _zipped(files: Sequence[str], root: Path) -> bytes:
+def _download(outcomes: Sequence[Outcome], root: Path) -> Download:
+    """Return the only file that was written, or a ZIP archive of all."""
+    files = [file for outcome in outcomes for file in outcome.files]
+    if files == [outcomes[0].file]:
+        return Download(files[0], (root / files[0]).read_bytes())
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in files:
             archive.write(root / file, file)
-    return out.getvalue()
+    return Download("exports.zip", out.getvalue())

@@ -57,13 +57,6 @@ def explanation(found: Localization, settings: Settings) -> str | None:
     )
 
 
-def crash_explanation(exit_status: int | None) -> str:
-    """Why a job ended without an answer although nothing was wrong with the images."""
-    if exit_status in (-9, 137):
-        return "The process that did the work was ended from outside; memory may have run out."
-    return f"The process that did the work ended unexpectedly (status {exit_status})."
-
-
 MOST_MATCHES = 3000
 """Matches of a step that are shown; inliers come first."""
 MOST_LANDMARKS = 200
@@ -94,18 +87,23 @@ class Steps:
     """A `nearfar.runtime.timing.Watcher` that keeps the best attempt of each step.
 
     Args:
-        entered: is called with the name of each stage that begins.
-        tried: is called with each step that has got better.
+        notify_stage: is called with the name of each stage that begins.
+        notify_step: is called with each step that has got better.
+
+    Attributes:
+        best: step name -> best attempt of that step.
     """
 
-    def __init__(self, entered: Callable[[str], None], tried: Callable[[Step], None]) -> None:
+    def __init__(
+        self, notify_stage: Callable[[str], None], notify_step: Callable[[Step], None]
+    ) -> None:
         self.best: dict[str, Step] = {}
-        self._entered = entered
-        self._tried = tried
+        self._notify_stage = notify_stage
+        self._notify_step = notify_step
 
     def on_stage(self, stage: str) -> None:
         """See `Watcher.on_stage`."""
-        self._entered(stage)
+        self._notify_stage(stage)
 
     def on_attempt(
         self, step: str, far: Coordinates, near: Coordinates, inliers: Mask, log10_nfa: float
@@ -114,7 +112,7 @@ class Steps:
         known = self.best.get(step)
         if known is None or log10_nfa < known.log10_nfa:
             self.best[step] = Step(step, far, near, inliers, log10_nfa)
-            self._tried(self.best[step])
+            self._notify_step(self.best[step])
 
 
 def localization_result(found: Localization, steps: Mapping[str, Step], settings: Settings) -> Json:

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import sys
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,12 +9,11 @@ from collections.abc import Callable
 from nearfar.app.configuration import Limits
 from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
 from nearfar.app.jobs import Job, JobStore, StepProgress
-from nearfar.app.results import crash_explanation
-from nearfar.app.tasks import REPORT, Ended, Entered, LocalizeTask, LocateTask, Tried
+from nearfar.app.process import WorkerProcess
+from nearfar.app.tasks import Ended, LocalizeTask, LocateTask, Report, StageReport
 
 TaskOf = Callable[[Job], LocalizeTask | LocateTask]
 Say = Callable[[str], str]
-_LONGEST_REPORT = 1_000_000
 _MOST_STEPS = 40
 
 
@@ -36,7 +34,7 @@ class Runner:
         self._limits = limits
         self._waiting: deque[str] = deque()
         self._more = asyncio.Event()
-        self._process: asyncio.subprocess.Process | None = None
+        self._worker = WorkerProcess()
         self._running: str | None = None
 
     def check_room(self) -> None:
@@ -68,8 +66,8 @@ class Runner:
         """End a job that waits or runs."""
         if job.id in self._waiting:
             self._waiting.remove(job.id)
-        if job.id == self._running and self._process is not None:
-            self._process.kill()
+        if job.id == self._running:
+            self._worker.kill()
         if job.active:
             cancelled = job.with_(status="cancelled", ended=time.time(), stage=None)
             self._store.note(cancelled)
@@ -86,7 +84,7 @@ class Runner:
                     self._running = None
                 self._more.clear()
         finally:
-            await self._end_process()
+            await self._worker.end()
 
     async def _kept(self, job_id: str) -> None:
         """Do a job; a disk that takes no more fails it alone."""
@@ -106,15 +104,12 @@ class Runner:
         try:
             task = self._task_of(job)
             async with asyncio.timeout(self._limits.job_seconds):
-                ended = await self._work(job, task)
-        except AppError as error:
-            await self._end_process()  # Reports of a job that was deleted may be left in its pipe.
+                ended = await self._work(job.id, task)
+        except AppError as error:  # An image is gone, or the job was deleted meanwhile.
             ended = Ended(error=str(error))
         except TimeoutError:
-            await self._end_process()
             ended = Ended(error=f"given up after {self._limits.job_seconds:.0f} seconds")
         except (OSError, ValueError) as error:
-            await self._end_process()
             ended = Ended(error=f"the process that does the work could not be used: {error}")
         # It may have been cancelled or deleted meanwhile.
         with contextlib.suppress(NotFoundError):
@@ -132,50 +127,25 @@ class Runner:
                     )
                 )
 
-    async def _work(self, job: Job, task: LocalizeTask | LocateTask) -> Ended:
+    async def _work(self, job_id: str, task: LocalizeTask | LocateTask) -> Ended:
         """Give a task to the worker and note its reports until it is done."""
-        process = await self._started()
-        if process.stdin is None or process.stdout is None:
-            raise OSError("it has no pipes")
-        if self._store.get(job.id).status != "running":
+        await self._worker.start()
+        if self._store.get(job_id).status != "running":
             return Ended(error="cancelled")
-        process.stdin.write(task.model_dump_json().encode() + b"\n")
-        with contextlib.suppress(ConnectionError):
-            await process.stdin.drain()
-        async for line in process.stdout:
-            report = REPORT.validate_json(line)
-            if isinstance(report, Ended):
-                return report
-            known = self._store.get(job.id)
+
+        def note(report: Report) -> None:
+            known = self._store.get(job_id)
             if known.status == "running":
                 self._store.note(_noted(known, report))
-        status = await process.wait()
-        self._process = None
-        return Ended(error=crash_explanation(status))
 
-    async def _started(self) -> asyncio.subprocess.Process:
-        if self._process is None or self._process.returncode is not None:
-            self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "nearfar.app.worker",
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                limit=_LONGEST_REPORT,
-                start_new_session=True,  # Ctrl+C is for the server, which ends it.
-            )
-        return self._process
-
-    async def _end_process(self) -> None:
-        if self._process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                self._process.kill()
-            await self._process.wait()
-            self._process = None
+        return await self._worker.do(task, note)
 
 
-def _noted(job: Job, report: Entered | Tried) -> Job:
-    if isinstance(report, Entered):
+def _noted(job: Job, report: Report) -> Job:
+    """Return a job with what a report says of it."""
+    if isinstance(report, Ended):
+        return job
+    if isinstance(report, StageReport):
         stages = tuple(dict.fromkeys((*job.stages, report.stage)))
         return job.with_(stage=report.stage, stages=stages[-_MOST_STEPS:])
     step = StepProgress(name=report.step, matches=report.matches, agreeing=report.agreeing)

@@ -57,7 +57,7 @@ def create_app(configuration: Configuration) -> FastAPI:
         runner.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await runner
-        app.state.services.formats.close()
+        await app.state.services.formats.close()
 
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None

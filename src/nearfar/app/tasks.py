@@ -1,11 +1,11 @@
-"""What the worker process is told and what it tells: one JSON object a line."""
+"""What a worker process is told and what it tells: one JSON object a line."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-Effort = Literal["points", "landmarks", "zoom", "views"]
+from nearfar.settings import Effort
 
 
 class Message(BaseModel):
@@ -18,13 +18,13 @@ class LocalizeTask(Message):
     """Localize a pair.
 
     Attributes:
-        far: the far image.
-        near: the near image.
-        model: kind of model.
+        far: file of the far image.
+        near: file of the near image.
+        model: kind of model to estimate.
         max_effort: see `Settings`.
         max_pixels: see `Settings`.
-        result: file for the answer.
-        matches: file for all matched points.
+        result: file to write the answer to.
+        matches: file to write all matched points to.
     """
 
     kind: Literal["localize"] = "localize"
@@ -41,13 +41,13 @@ class LocateTask(Message):
     """Locate an image in a map.
 
     Attributes:
-        folder: of the map.
+        folder: folder of the map.
         served: the folders in which the images of the map must lie.
-        query: the image.
-        top: answers that are sought.
-        candidates: how many candidates are verified.
+        query: file of the image.
+        top: how many answers to seek.
+        candidates: how many candidates to verify geometrically.
         max_pixels: see `Settings`.
-        result: file for the answer.
+        result: file to write the answer to.
     """
 
     kind: Literal["locate"] = "locate"
@@ -60,46 +60,89 @@ class LocateTask(Message):
     result: Path
 
 
-Task = Annotated[LocalizeTask | LocateTask, Field(discriminator="kind")]
-TASK: TypeAdapter[LocalizeTask | LocateTask] = TypeAdapter(Task)
+class ExportTask(Message):
+    """Write an answer in some formats.
+
+    Attributes:
+        localization: the answer, as `Localization.to_dict` writes it.
+        matches: file of its matched points; None where they were not kept.
+        far: what the far image is called in files that name it.
+        near: what the near image is called in files that name it.
+        images: "blank" where only the outcomes are wanted: then no image is read.
+        formats: names of the formats; empty for all.
+        folder: folder to write into.
+        max_pixels: see `Settings`.
+    """
+
+    kind: Literal["export"] = "export"
+    localization: dict[str, Any]
+    matches: Path | None
+    far: str
+    near: str
+    images: Literal["blank", "read"]
+    formats: tuple[str, ...]
+    folder: Path
+    max_pixels: int
 
 
-class Entered(Message):
+WorkerTask = LocalizeTask | LocateTask | ExportTask
+TASK: TypeAdapter[WorkerTask] = TypeAdapter(Annotated[WorkerTask, Field(discriminator="kind")])
+
+
+class StageReport(Message):
     """A stage begins."""
 
-    kind: Literal["entered"] = "entered"
+    kind: Literal["stage"] = "stage"
     stage: str
 
 
-class Tried(Message):
+class AttemptReport(Message):
     """A step has fitted its best model so far.
 
     Attributes:
-        step: its name.
-        matches: that it had.
-        agreeing: that agree with the model.
+        step: name of the step.
+        matches: number of matches that it had.
+        agreeing: number of matches that agree with the model.
     """
 
-    kind: Literal["tried"] = "tried"
+    kind: Literal["attempt"] = "attempt"
     step: str
     matches: int
     agreeing: int
+
+
+class Outcome(Message):
+    """What became of one format of an export.
+
+    Attributes:
+        format: name of the format.
+        file: name of its file or folder; empty where a package is missing.
+        files: the files that were written, relative to the folder of the task.
+        reason: why the format cannot be written; None where it was.
+    """
+
+    format: str
+    file: str
+    files: tuple[str, ...] = ()
+    reason: str | None = None
 
 
 class Ended(Message):
     """A task has ended.
 
     Attributes:
-        error: what was wrong with it; None where the answer was written.
+        error: what was wrong with it; None where it was done.
         summary: the answer in a few words.
-        found: whether it is a place.
+        found: whether the answer is a place.
+        outcomes: what became of each format of an export.
     """
 
     kind: Literal["ended"] = "ended"
     error: str | None = None
     summary: str = ""
     found: bool = False
+    outcomes: tuple[Outcome, ...] = ()
 
 
-Report = Annotated[Entered | Tried | Ended, Field(discriminator="kind")]
-REPORT: TypeAdapter[Entered | Tried | Ended] = TypeAdapter(Report)
+Report = StageReport | AttemptReport | Ended
+REPORT: TypeAdapter[Report] = TypeAdapter(Annotated[Report, Field(discriminator="kind")])

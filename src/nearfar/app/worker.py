@@ -1,23 +1,31 @@
-"""The process that localizes: tasks on its standard input, reports on its standard output.
-
-It ends as soon as its standard input is closed, also in the middle of a task, so that it never
-outlives the server.
-"""
+"""What a worker process does: localize a pair, locate an image in a map, or write an export."""
 
 import json
-import os
-import queue
-import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from nearfar.app.files import write_whole
-from nearfar.app.kept import write_matches
+from nearfar.app.kept import read_matches, write_matches
+from nearfar.app.process import do_tasks
 from nearfar.app.results import Step, Steps, localization_result, map_result
-from nearfar.app.tasks import TASK, Ended, Entered, LocalizeTask, LocateTask, Message, Tried
-from nearfar.errors import MapError, NearfarError
+from nearfar.app.tasks import (
+    AttemptReport,
+    Ended,
+    ExportTask,
+    LocalizeTask,
+    LocateTask,
+    Message,
+    Outcome,
+    StageReport,
+    WorkerTask,
+)
+from nearfar.errors import ExportError, MapError, NearfarError
+from nearfar.exports import EXPORTERS, Subject, registered_exporter
+from nearfar.imaging.image import Image, ImageInfo, ImagePair, read_image
+from nearfar.localization import NO_POINTS, Localization
 from nearfar.localizer import Localizer
 from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
@@ -26,19 +34,23 @@ from nearfar.storage.locations import Location
 CACHE_BYTES = 300_000_000
 """For features of the images used last."""
 
-Tell = Callable[[Message], None]
-
 
 class Worker:
-    """Does tasks; the localizer of the last settings is kept."""
+    """Does tasks; the localizer of the last settings is kept.
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
+    Args:
+        send: is called with each report before the last.
+    """
+
+    def __init__(self, send: Callable[[Message], None]) -> None:
+        self._send = send
         self._localizer: Localizer | None = None
 
-    def do(self, task: LocalizeTask | LocateTask) -> Ended:
-        """Do a task; whatever goes wrong is said in the report."""
+    def do(self, task: WorkerTask) -> Ended:
+        """Do a task; the returned report says what went wrong."""
         try:
+            if isinstance(task, ExportTask):
+                return Ended(outcomes=tuple(exported(task)))
             return self._localize(task) if isinstance(task, LocalizeTask) else self._locate(task)
         except NearfarError as error:
             return Ended(error=str(error))
@@ -51,7 +63,7 @@ class Worker:
         settings = Settings(max_effort=task.max_effort, max_pixels=task.max_pixels)
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
-        steps = Steps(self._entered, self._tried)
+        steps = Steps(self._notify_stage, self._notify_step)
         found = self._localizer.localize(task.far, task.near, model=task.model, watcher=steps)
         write_matches(task.matches, found.points)
         _write(task.result, localization_result(found, steps.best, settings))
@@ -62,7 +74,7 @@ class Worker:
         return Ended(summary=", ".join(parts), found=True)
 
     def _locate(self, task: LocateTask) -> Ended:
-        self._entered("searching the map")
+        self._notify_stage("searching the map")
         map_ = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
         from nearfar.maps.files import file_of
 
@@ -78,12 +90,12 @@ class Worker:
             return Ended(summary="not found")
         return Ended(summary=f"in {Path(found.answers[0].image).name}", found=True)
 
-    def _entered(self, stage: str) -> None:
-        self._tell(Entered(stage=stage))
+    def _notify_stage(self, stage: str) -> None:
+        self._send(StageReport(stage=stage))
 
-    def _tried(self, step: Step) -> None:
+    def _notify_step(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
-        self._tell(Tried(step=step.name, matches=len(step.far), agreeing=agreeing))
+        self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
 
 
 def _is_served(file: Location, task: LocateTask) -> bool:
@@ -93,32 +105,48 @@ def _is_served(file: Location, task: LocateTask) -> bool:
     )
 
 
-def main() -> None:
-    """Do tasks until the standard input is closed."""
-    # What libraries print must not reach the server as a report.
-    reports = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(tasks,), daemon=True).start()
-
-    def tell(message: Message) -> None:
-        reports.write(message.model_dump_json() + "\n")
-        reports.flush()
-
-    worker = Worker(tell)
-    while True:
-        tell(worker.do(TASK.validate_json(tasks.get())))
-
-
-def _read(tasks: "queue.SimpleQueue[bytes]") -> None:
-    for line in sys.stdin.buffer:
-        tasks.put(line)
-    os._exit(0)
-
-
 def _write(file: Path, content: dict[str, Any]) -> None:
     write_whole(file, json.dumps(content, allow_nan=False).encode())
 
 
+WITHOUT_MATCHES = frozenset({"geojson", "kitti", "tum"})
+"""Formats that have no place for matched points."""
+
+
+def exported(task: ExportTask) -> list[Outcome]:
+    """Write an answer in each format, or say why a format cannot be written.
+
+    Raises:
+        NearfarError: an image, or what was kept, cannot be read.
+    """
+    points = NO_POINTS if task.matches is None else read_matches(task.matches)
+    found = Localization.from_dict(task.localization, points)
+    images = ImagePair(_image(found.far, task), _image(found.near, task))
+    subject = Subject(found, None, task.far, task.near, images)
+    return [_written(name, subject, task) for name in task.formats or EXPORTERS.names()]
+
+
+def _image(image: ImageInfo, task: ExportTask) -> Image:
+    if task.images == "blank" or image.path is None:
+        return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
+    return read_image(image.path, max_size=Settings().max_size, max_pixels=task.max_pixels)
+
+
+def _written(name: str, subject: Subject, task: ExportTask) -> Outcome:
+    file = ""
+    try:
+        writer = registered_exporter(name)
+        file = writer.file_name
+        if task.matches is None and name not in WITHOUT_MATCHES:
+            raise ExportError(
+                "it holds matches, which results of a benchmark do not: localize the pair here"
+            )
+        files = writer.write(subject, task.folder / file)
+    except (NearfarError, OSError) as error:
+        return Outcome(format=name, file=file, reason=str(error))
+    inside = (each.relative_to(task.folder).as_posix() for each in files)
+    return Outcome(format=name, file=file, files=tuple(inside))
+
+
 if __name__ == "__main__":
-    main()
+    do_tasks(lambda send: Worker(send).do)

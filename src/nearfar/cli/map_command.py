@@ -7,7 +7,7 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -29,7 +29,7 @@ from nearfar.maps import DEFAULTS, PACKAGES, open_map
 from nearfar.runtime import logs, require
 from nearfar.runtime.logs import shown_progress
 from nearfar.runtime.timing import Meter
-from nearfar.settings import Settings
+from nearfar.settings import Effort, Settings
 from nearfar.storage.locations import Location
 
 map_app = App(name="map", help="Keep a map of many images, and locate others in it.")
@@ -197,7 +197,7 @@ def locate_command(
     intrinsics: Path | None = None,
     top: int = 1,
     candidates: int = 5,
-    max_effort: Literal["points", "landmarks", "zoom", "views"] = DEFAULTS.max_effort,
+    max_effort: Effort = DEFAULTS.max_effort,
     min_confidence: float = DEFAULTS.min_confidence,
     max_pixels: int = DEFAULTS.max_pixels,
     weights: WeightOptions = (),

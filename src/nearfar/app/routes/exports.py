@@ -12,7 +12,7 @@ from nearfar.app.jobs import LocalizeRequest
 from nearfar.app.kept import KeptAnswer, kept_localization
 from nearfar.app.routes import Held
 from nearfar.app.runs import kept_row
-from nearfar.app.writer import Outcome
+from nearfar.app.tasks import Outcome
 
 router = APIRouter(prefix="/api")
 
@@ -46,31 +46,31 @@ Names = Annotated[list[str], Query(alias="format", min_length=1, max_length=20)]
 
 
 @router.get("/jobs/{job_id}/exports")
-def formats_of_job(held: Held, answer: OfJob) -> list[Outcome]:
+async def formats_of_job(held: Held, answer: OfJob) -> list[Outcome]:
     """All formats, and why a job's answer cannot be written in some."""
-    return held.formats.offered(answer)
+    return await held.formats.offered(answer)
 
 
 @router.get("/jobs/{job_id}/export")
-def export_job(held: Held, answer: OfJob, names: Names) -> Response:
+async def export_job(held: Held, answer: OfJob, names: Names) -> Response:
     """Download a job's answer in one format or, as a ZIP archive, several."""
-    return _sent(held, answer, names)
+    return await _sent(held, answer, names)
 
 
 @router.get("/runs/exports")
-def formats_of_row(held: Held, answer: OfRow) -> list[Outcome]:
+async def formats_of_row(held: Held, answer: OfRow) -> list[Outcome]:
     """All formats, and why an answer of a benchmark cannot be written in some."""
-    return held.formats.offered(answer)
+    return await held.formats.offered(answer)
 
 
 @router.get("/runs/export")
-def export_row(held: Held, answer: OfRow, names: Names) -> Response:
+async def export_row(held: Held, answer: OfRow, names: Names) -> Response:
     """Download an answer of a benchmark in one format or, as a ZIP archive, several."""
-    return _sent(held, answer, names)
+    return await _sent(held, answer, names)
 
 
-def _sent(held: Held, answer: KeptAnswer, names: list[str]) -> Response:
-    file = held.formats.download(answer, names)
+async def _sent(held: Held, answer: KeptAnswer, names: list[str]) -> Response:
+    file = await held.formats.download(answer, names)
     kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
     headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
     return Response(file.content, media_type=kind, headers=headers)

@@ -12,6 +12,7 @@ from nearfar.app.runs import Run, read_run
 from nearfar.errors import MissingExtraError
 from nearfar.maps import PACKAGES
 from nearfar.runtime import require
+from nearfar.settings import EFFORTS
 
 router = APIRouter(prefix="/api")
 
@@ -25,12 +26,14 @@ class About:
         folders: how many it was started with.
         maps: None, or why maps cannot be searched.
         upload_megabytes: largest image that can be sent.
+        efforts: names of what `max_effort` can be, the least first.
     """
 
     version: str
     folders: int
     maps: str | None
     upload_megabytes: float
+    efforts: tuple[str, ...]
 
 
 @router.get("/about")
@@ -42,7 +45,7 @@ async def about(held: Held) -> About:
     except MissingExtraError as error:
         missing = str(error)
     upload = configuration.limits.upload_bytes / MEGABYTE
-    return About(nearfar.__version__, len(configuration.folders), missing, upload)
+    return About(nearfar.__version__, len(configuration.folders), missing, upload, EFFORTS)
 
 
 @router.get("/runs")

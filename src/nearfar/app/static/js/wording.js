@@ -1,4 +1,4 @@
-/** Plain words for the names of stages and steps. */
+/** Plain words for the names of stages, steps, efforts and formats. */
 
 const STAGES = {
   reading: "Reading the images",
@@ -8,7 +8,7 @@ const STAGES = {
   votes: "Counting votes for a place",
   "landmark search": "Searching for the near image",
   zoom: "Zooming in and looking again",
-  views: "Trying views from aside",
+  views: "Trying simulated views",
   "searching the map": "Searching the map",
 };
 
@@ -19,6 +19,13 @@ const STEPS = {
   alignment: "Alignment of places",
   views: "Views of whole images",
   expected: "Voted place",
+};
+
+const EFFORTS = {
+  points: "Points only",
+  landmarks: "Up to the landmark search",
+  zoom: "Up to zooming in",
+  views: "Everything",
 };
 
 const FORMATS = {
@@ -33,9 +40,11 @@ const FORMATS = {
   tum: "Poses as in TUM",
 };
 
+const capitalized = (name) => name.charAt(0).toUpperCase() + name.slice(1);
+export const effortName = (name) => EFFORTS[name] ?? capitalized(name);
 export const formatName = (name) => FORMATS[name] ?? name;
-export const stageName = (name) => STAGES[name] ?? name.charAt(0).toUpperCase() + name.slice(1);
-export const stepName = (name) => STEPS[name] ?? name.charAt(0).toUpperCase() + name.slice(1);
+export const stageName = (name) => STAGES[name] ?? capitalized(name);
+export const stepName = (name) => STEPS[name] ?? capitalized(name);
 
 export const STATUS = {
   waiting: "Waiting",
@@ -52,10 +61,3 @@ export function jobState(job) {
   const kinds = { waiting: "quiet", running: "busy", failed: "bad", cancelled: "quiet", interrupted: "warn" };
   return [STATUS[job.status], kinds[job.status]];
 }
-
-export const EFFORTS = [
-  ["views", "Everything", "half a minute at most where nothing is found"],
-  ["zoom", "Up to zooming in", "a few seconds"],
-  ["landmarks", "Up to the landmark search", ""],
-  ["points", "Points only", "the fastest"],
-];

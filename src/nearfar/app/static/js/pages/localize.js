@@ -8,7 +8,7 @@ import { showJob } from "../job-page.js";
 import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-view.js";
 import { PairViewer } from "../pair-viewer.js";
 import { setShortcuts } from "../shortcuts.js";
-import { EFFORTS, stepName } from "../wording.js";
+import { effortName, stepName } from "../wording.js";
 
 export async function localizePage(main, [id], signal) {
   if (!id) await start(main);
@@ -16,11 +16,12 @@ export async function localizePage(main, [id], signal) {
 }
 
 async function start(main) {
+  const { efforts } = await get("/api/about");
   const slots = pairOfSlots();
   const model = h("select", { id: "model" },
     h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
     h("option", { value: "fundamental" }, "Scene with depth"));
-  const effort = h("select", { id: "effort" }, EFFORTS.map(([value, text]) => h("option", { value }, text)));
+  const effort = h("select", { id: "effort" }, efforts.reverse().map((value) => h("option", { value }, effortName(value))));
   const go = h("button", { type: "button", class: "primary large", disabled: true, id: "localize", onclick: () => submit() }, "Localize");
   const submit = async () => {
     if (go.disabled) return;

@@ -1,0 +1,130 @@
+"""A worker process, from both sides: one JSON object a line, tasks one way and reports the other.
+
+The server does the work in processes of their own, `python -m nearfar.app.worker`: packages change
+how a process takes signals, and draw under settings that all threads share.
+"""
+
+import asyncio
+import contextlib
+import os
+import queue
+import sys
+import threading
+from collections.abc import Callable
+from typing import NoReturn
+
+from nearfar.app.tasks import REPORT, TASK, Ended, Message, Report, WorkerTask
+
+_LONGEST_REPORT = 1_000_000
+"""Bytes of one report."""
+
+
+class WorkerProcess:
+    """Does one task at a time in a process, which is started when needed, again after a crash."""
+
+    def __init__(self) -> None:
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> asyncio.subprocess.Process:
+        """Start the process unless it runs.
+
+        Raises:
+            OSError: it cannot be started.
+        """
+        if self._process is None or self._process.returncode is not None:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "nearfar.app.worker",
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                limit=_LONGEST_REPORT,
+                start_new_session=True,  # Ctrl+C is for the server, which ends it.
+            )
+        return self._process
+
+    async def do(self, task: Message, on_report: Callable[[Report], None] | None = None) -> Ended:
+        """Do a task; a process that crashes is an error in what is returned.
+
+        Whatever is raised in between, a cancellation too, ends the process: reports may be left in
+        its pipe.
+
+        Args:
+            task: one of `WorkerTask`.
+            on_report: is called with each report before the last.
+
+        Raises:
+            OSError: the process cannot be started.
+            ValueError: what it reports is malformed.
+        """
+        try:
+            process = await self.start()
+            if process.stdin is None or process.stdout is None:
+                raise OSError("it has no pipes")
+            process.stdin.write(task.model_dump_json().encode() + b"\n")
+            with contextlib.suppress(ConnectionError):
+                await process.stdin.drain()
+            async for line in process.stdout:
+                report = REPORT.validate_json(line)
+                if isinstance(report, Ended):
+                    return report
+                if on_report is not None:
+                    on_report(report)
+            return Ended(error=crash_explanation(await process.wait()))
+        except BaseException:
+            await self.end()
+            raise
+
+    def kill(self) -> None:
+        """End the process without waiting for its end; a task under way is one that crashed."""
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+
+    async def end(self) -> None:
+        """End the process and wait for its end."""
+        if self._process is not None:
+            self.kill()
+            await self._process.wait()
+            self._process = None
+
+
+KILLED = -9
+"""Exit status of a process that was killed."""
+
+
+def crash_explanation(exit_status: int) -> str:
+    """Say why a task ended without an answer although nothing was wrong with the images."""
+    if exit_status in (KILLED, 128 - KILLED):
+        return "The process that did the work was ended from outside; memory may have run out."
+    return f"The process that did the work ended unexpectedly (status {exit_status})."
+
+
+Send = Callable[[Message], None]
+
+
+def do_tasks(make: Callable[[Send], Callable[[WorkerTask], Ended]]) -> NoReturn:
+    """Do tasks from the standard input until it is closed, then end at once, also within a task.
+
+    Args:
+        make: is called with a function that sends a report; returns what does a task.
+    """
+    # What libraries print must not reach the server as a report.
+    reports = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(tasks,), daemon=True).start()
+
+    def send(report: Message) -> None:
+        reports.write(report.model_dump_json() + "\n")
+        reports.flush()
+
+    do = make(send)
+    while True:
+        send(do(TASK.validate_json(tasks.get())))
+
+
+def _read(tasks: "queue.SimpleQueue[bytes]") -> None:
+    for line in sys.stdin.buffer:
+        tasks.put(line)
+    os._exit(0)
