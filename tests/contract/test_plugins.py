@@ -11,6 +11,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import SettingsError, WeightsError
 from nearfar.estimators import ESTIMATORS
+from nearfar.exports import EXPORTERS
 from nearfar.features import DETECTORS, MATCHERS
 from nearfar.geometry.homography import transform
 from nearfar.methods import METHODS
@@ -170,7 +171,7 @@ def test_method_localizes_a_known_pair(name: str, known_pair: KnownPair) -> None
 
 
 @pytest.mark.parametrize(
-    "registry", [METHODS, DETECTORS, MATCHERS, PROPOSERS, DESCRIPTORS, ESTIMATORS]
+    "registry", [METHODS, DETECTORS, MATCHERS, PROPOSERS, DESCRIPTORS, ESTIMATORS, EXPORTERS]
 )
 def test_unknown_names_are_refused_with_a_hint(registry: object) -> None:
     assert hasattr(registry, "create")

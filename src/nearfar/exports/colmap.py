@@ -78,9 +78,11 @@ def _check_own(path: Path, names: ImageNames) -> None:
     """Refuse to replace a database of other images."""
     if not path.exists():
         return
+    # Unless another process writes to it, "immutable" leaves no log of SQLite beside the database.
+    mode = "mode=ro" if path.with_name(f"{path.name}-wal").exists() else "immutable=1"
     try:
-        # Not through pycolmap, which brings databases of older versions up to date.
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        # Not through pycolmap, which updates databases of older versions.
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True)) as database:
             there = {name for (name,) in database.execute("SELECT name FROM images")}
     except sqlite3.Error as error:
         raise ExportError(f"{path} is no COLMAP database: remove it first") from error
