@@ -34,7 +34,7 @@ from nearfar.verification.significance import log10_nfa
 
 
 class Localizer:
-    """Localizes many pairs of images; features of an image are computed once.
+    """Localize many pairs of images; the features of an image are computed once.
 
     Not to be used by several threads at once; give each its own.
 
@@ -75,7 +75,7 @@ class Localizer:
 
     @property
     def descriptor(self) -> str | None:
-        """Name of the landmark descriptor; None for a method without landmarks."""
+        """Return name of the landmark descriptor; None for a method without landmarks."""
         return self.settings.descriptor if self._method.uses_landmarks else None
 
     def localize(
@@ -154,7 +154,7 @@ class Localizer:
     def _localization(
         self, task: Task, answer: Answer, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
-        """The answer in pixels of the original images."""
+        """Return the answer in pixels of the original images."""
         kind = task.model
         _check_lengths(answer, self.settings.method)
         exponent = answer.log10_nfa
@@ -242,7 +242,7 @@ def _check_lengths(answer: Answer, method: str) -> None:
 
 
 def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:
-    """Decimal logarithm of the number of models as good as this one that chance would give."""
+    """Return the decimal logarithm of the number of false alarms of an answer."""
     height, width = far.pixels.shape[:2]
     return log10_nfa(
         kind,
@@ -302,7 +302,7 @@ def _in_working_pixels(camera: CameraIntrinsics, image: Image) -> Matrix3:
 def _in_original_pixels(
     model: Matrix3 | RelativePose | None, kind: ModelKind, far: Image, near: Image
 ) -> Matrix3 | RelativePose | None:
-    """A model between working images as one between the original images; a pose stays itself."""
+    """Convert a model from working to original pixels; a pose stays as it is."""
     if model is None or isinstance(model, RelativePose):
         return model
     near_working_from_original = np.linalg.inv(near.original_from_working)

@@ -1,4 +1,4 @@
-"""What a method is asked for and what it answers: the kind of model, the task, the estimate."""
+"""The task that a method gets and the answer that it gives."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,7 @@ MODEL_NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is to be estimated.
+    """The model to estimate, and what is known about the cameras.
 
     Attributes:
         model: kind of model.
@@ -39,7 +39,7 @@ class Task:
 
     @property
     def cameras(self) -> tuple[Matrix3, Matrix3]:
-        """Calibration matrices of the far and the near camera, for a pose.
+        """Return calibration matrices of the far and the near camera, for a pose.
 
         Raises:
             ValueError: one is missing.
@@ -69,7 +69,7 @@ class Estimate:
 
 
 def failure(matches: int, threshold: float, reason: str) -> Estimate:
-    """The estimate that found nothing among so many matches."""
+    """Return an estimate without a model, for a number of matches."""
     return Estimate(None, np.zeros(matches, np.bool_), threshold, reason)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.features.feature_map import FeatureMap, unit_rows
-from nearfar.imaging.crops import crop_resized
+from nearfar.imaging.warp import crop_resized
 from nearfar.settings import Settings
 
 LEVELS = 4

@@ -10,7 +10,7 @@ from nearfar.arrays import Matrix3
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
-    """Takes near-camera coordinates to far-camera coordinates: x_far = R x_near + t.
+    """The transform from near-camera to far-camera coordinates: x_far = R x_near + t.
 
     Attributes:
         rotation: (3, 3) rotation matrix R.
@@ -23,7 +23,7 @@ class RelativePose:
 
 
 def essential_from_pose(pose: RelativePose) -> Matrix3:
-    """The essential matrix E of rays, x_farᵀ E x_near = 0."""
+    """Return the essential matrix E of rays, x_farᵀ E x_near = 0."""
     x, y, z = pose.translation
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(cross @ pose.rotation)
@@ -32,7 +32,7 @@ def essential_from_pose(pose: RelativePose) -> Matrix3:
 def fundamental_from_pose(
     pose: RelativePose, far_intrinsics: Matrix3, near_intrinsics: Matrix3
 ) -> Matrix3:
-    """The fundamental matrix (x_farᵀ F x_near = 0) of two calibrated cameras, of unit norm."""
+    """Return the fundamental matrix of two calibrated cameras, x_farᵀ F x_near = 0, of norm 1."""
     essential = essential_from_pose(pose)
     matrix = np.linalg.inv(far_intrinsics).T @ essential @ np.linalg.inv(near_intrinsics)
     return np.asarray(matrix / np.linalg.norm(matrix))

@@ -19,12 +19,12 @@ PAPER_FAILURE_STE = 15_833_861_380.8
 def transfer_errors(
     far_from_near: Matrix3, far: Coordinates, near: Coordinates
 ) -> NDArray[np.float64]:
-    """(N,) distances between the far points and the mapped near points, in far pixels."""
+    """Return (N,) distances between the far points and the mapped near points, in far pixels."""
     return np.asarray(np.linalg.norm(far - transform(far_from_near, near), axis=1))
 
 
 def symmetric_transfer_error(far_from_near: Matrix3, far: Coordinates, near: Coordinates) -> float:
-    """STE of the paper (section IV): sum over points of the distances in both images, in pixels."""
+    """Return the STE of the paper (section IV): the sum of distances in both images, in pixels."""
     near_from_far = np.linalg.inv(far_from_near)
     there = transfer_errors(far_from_near, far, near)
     back = transfer_errors(near_from_far, near, far)
@@ -34,7 +34,7 @@ def symmetric_transfer_error(far_from_near: Matrix3, far: Coordinates, near: Coo
 def published_symmetric_transfer_error(
     far_from_near: Matrix3, far: Coordinates, near: Coordinates
 ) -> float:
-    """STE as the authors' published code computes it: without the homogeneous division."""
+    """Return STE as the authors' published code computes it: without the homogeneous division."""
     near_from_far = np.linalg.inv(far_from_near)
     there = far - _without_division(far_from_near, near)
     back = near - _without_division(near_from_far, far)
@@ -48,7 +48,7 @@ def _without_division(homography: Matrix3, xy: Coordinates) -> Coordinates:
 def symmetric_epipolar_distances(
     fundamental: Matrix3, far: Coordinates, near: Coordinates
 ) -> NDArray[np.float64]:
-    """(N,) means of the distances of both points to the other's epipolar line, in pixels."""
+    """Return (N,) means of the distances of both points to the other's epipolar line, in pixels."""
     far_h = np.column_stack([far, np.ones(len(far))])
     near_h = np.column_stack([near, np.ones(len(near))])
     far_lines, near_lines = near_h @ fundamental.T, far_h @ fundamental
@@ -60,14 +60,14 @@ def symmetric_epipolar_distances(
 
 
 def rotation_angle(rotation: Matrix3, truth: Matrix3) -> float:
-    """Angle between two rotations, in degrees."""
+    """Return angle between two rotations, in degrees."""
     # The chord |R - R'| resolves small angles, where the arc cosine of the trace does not.
     half_sine = np.linalg.norm(rotation - truth) / np.sqrt(8)
     return float(np.degrees(2 * np.arcsin(min(1.0, half_sine))))
 
 
 def direction_angle(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    """Angle between two translations (3,), in degrees; NaN where one of them is zero."""
+    """Return angle between two translations (3,), in degrees; NaN where one of them is zero."""
     cross = np.linalg.norm(np.cross(translation, truth))
     if not (translation.any() and truth.any()):
         return float("nan")
@@ -75,13 +75,13 @@ def direction_angle(translation: NDArray[np.float64], truth: NDArray[np.float64]
 
 
 def rotation_error(rotation: Matrix3, truth: Matrix3) -> float:
-    """r_err of the paper (section IV): 1 - |q . q'| of the two unit quaternions; in [0, 1]."""
+    """Return r_err of the paper (section IV): 1 - |q . q'| of two unit quaternions; in [0, 1]."""
     # The product of two unit quaternions is the cosine of half the angle between the rotations.
     return 1 - math.cos(math.radians(rotation_angle(rotation, truth)) / 2)
 
 
 def translation_error(translation: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    """t_err of the paper (section IV): |t - t'| / (|t| + |t'|); in [0, 1], 0 for two zeros.
+    """Return t_err of the paper (section IV): |t - t'| / (|t| + |t'|); in [0, 1], 0 for two zeros.
 
     Args:
         translation: (3,), of any unit.

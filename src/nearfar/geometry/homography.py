@@ -14,17 +14,17 @@ def transform(homography: Matrix3, xy: Coordinates) -> Coordinates:
 
 
 def scaling(x: float, y: float) -> Matrix3:
-    """Scales an image about its outer top left corner (pixel centres are at integers)."""
+    """Scale an image about its outer top left corner; pixel centres are at integers."""
     return np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
 
 
 def translation(x: float, y: float) -> Matrix3:
-    """Moves by so many pixels."""
+    """Return the homography that moves points by x and y pixels."""
     return np.array([[1, 0, x], [0, 1, y], [0, 0, 1.0]])
 
 
 def outline(width: int, height: int) -> Coordinates:
-    """(4, 2) outer corners of an image: top left, top right, bottom right, bottom left.
+    """Return (4, 2) outer corners of an image: top left, top right, bottom right, bottom left.
 
     They lie half a pixel outside the centres of the corner pixels.
     """
@@ -33,7 +33,7 @@ def outline(width: int, height: int) -> Coordinates:
 
 
 def footprint(far_from_near: Matrix3, width: int, height: int) -> Coordinates | None:
-    """The outline of the near image in the far image.
+    """Return the outline of the near image in the far image.
 
     Args:
         far_from_near: maps near pixels to far pixels.
@@ -53,7 +53,7 @@ def footprint(far_from_near: Matrix3, width: int, height: int) -> Coordinates | 
 
 
 def normalized(homography: Matrix3) -> Matrix3:
-    """The same transform with its lower right element 1, or, where that is 0, of unit norm."""
+    """Scale a homography to a lower right element of 1, or to unit norm where that is 0."""
     corner = homography[2, 2]
     scale = corner if abs(corner) > 1e-12 * np.abs(homography).max() else np.linalg.norm(homography)
     return np.asarray(homography / scale)
@@ -70,7 +70,7 @@ _MOST_POINTS = 1000
 
 
 def scale_change(far: Coordinates, near: Coordinates) -> float | None:
-    """Median over all pairs of points of their distance in the near over that in the far image.
+    """Return the median ratio of the distances of two points in the near and in the far image.
 
     Args:
         far: (N, 2) pixels of the far image.

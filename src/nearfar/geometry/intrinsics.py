@@ -48,7 +48,7 @@ class CameraIntrinsics:
 
     @property
     def matrix(self) -> Matrix3:
-        """The calibration matrix K."""
+        """Return the calibration matrix K."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
 
@@ -75,7 +75,7 @@ _PAIR_ROLES: dict[CameraRole, str] = {"map": "far", "query": "near"}
 
 
 def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
-    """Intrinsics from a mapping, or from a file: JSON of such a mapping, or KITTI's calib.txt.
+    """Read intrinsics from a mapping or a file: JSON of such a mapping, or KITTI's calib.txt.
 
     All cameras of a KITTI calib.txt are rectified to the same intrinsics; P0 is read, or the first
     that is there.
@@ -94,7 +94,7 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
 
 
 def read_camera(source: CameraSource, role: CameraRole) -> CameraIntrinsics:
-    """The intrinsics of one camera, of a map's images or of a query.
+    """Return the intrinsics of one camera, of a map's images or of a query.
 
     Args:
         source: `CameraIntrinsics`, a mapping, or a file: JSON of such a mapping, or KITTI's
@@ -120,7 +120,7 @@ def read_camera(source: CameraSource, role: CameraRole) -> CameraIntrinsics:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[Path, Any]:
-    """The path of a file, and its JSON content or the camera of a KITTI calib.txt."""
+    """Return the path of a file, and its JSON content or the camera of a KITTI calib.txt."""
     try:
         path = Path(source)
     except TypeError:

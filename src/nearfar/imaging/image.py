@@ -31,7 +31,7 @@ ImageSource = str | os.PathLike[str] | NDArray[Any]
 
 @dataclass(frozen=True)
 class ImageInfo:
-    """What an answer tells of an image: everything but its pixels.
+    """What an answer says about an image: everything but its pixels.
 
     Attributes:
         path: file that the image was read from; None for an array.
@@ -47,7 +47,7 @@ class ImageInfo:
 
     @property
     def original_from_working(self) -> Matrix3:
-        """Maps pixels of the working image to pixels of the original (centres at integers)."""
+        """Return the transform of working to original pixels; pixel centres are at integers."""
         width, height = self.working_size
         return scaling(self.width / width, self.height / height)
 
@@ -70,18 +70,18 @@ class Image:
 
     @property
     def info(self) -> ImageInfo:
-        """Everything but the pixels."""
+        """Return everything but the pixels."""
         height, width = self.pixels.shape[:2]
         return ImageInfo(self.path, self.width, self.height, (width, height))
 
     @property
     def original_from_working(self) -> Matrix3:
-        """Maps pixels of the working image to pixels of the original (centres at integers)."""
+        """Return the transform of working to original pixels; pixel centres are at integers."""
         return self.info.original_from_working
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the working pixels and the original size."""
+        """Return SHA-256 of the working pixels and the original size."""
         digest = hashlib.sha256(repr((self.pixels.shape, self.width, self.height)).encode())
         digest.update(self.pixels.tobytes())
         return digest.hexdigest()
@@ -96,7 +96,7 @@ class ImagePair:
 
 
 def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:
-    """(width, height) after reduction so that neither exceeds `max_size`; 0 reduces nothing."""
+    """Return (width, height) reduced so that neither exceeds `max_size`; 0 reduces nothing."""
     longest = max(width, height)
     if max_size == 0 or longest <= max_size:
         return width, height
@@ -181,7 +181,7 @@ def _check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
 
 
 def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
-    """The pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
+    """Return the pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
     try:
         # Pillow would map a file that it is given by name, and read TIFFs stored turned as garbage.
         with (
@@ -205,7 +205,7 @@ def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
 
 
 def _channels(path: Path, opened: ImageFile) -> NDArray[Any]:
-    """(height, width) or (height, width, channels) as stored."""
+    """Return (height, width) or (height, width, channels) as stored."""
     if opened.mode.startswith("I;16") or (opened.mode, opened.format) == ("I", "PPM"):
         return np.asarray(opened).astype(np.uint16)
     if opened.mode in ("I", "F"):
@@ -215,7 +215,7 @@ def _channels(path: Path, opened: ImageFile) -> NDArray[Any]:
 
 
 def _orientation(image: ImageFile) -> int:
-    """The EXIF orientation, 1 (upright) where there is none or the EXIF data are damaged."""
+    """Return the EXIF orientation; 1, upright, without one or where the EXIF data are damaged."""
     try:
         return int(image.getexif().get(0x0112, 1))
     except Exception:
@@ -229,7 +229,7 @@ def _eight_bit_mode(image: PillowImage.Image) -> str:
 
 
 def _is_deep_colour(image: ImageFile) -> bool:
-    """Whether a file has 16 bits a channel and several channels, which Pillow cuts to 8."""
+    """Return whether a file has 16 bits a channel and several channels, which Pillow cuts to 8."""
     if image.mode not in ("RGB", "RGBA"):
         return False
     tile = str(image.tile)
@@ -294,7 +294,7 @@ def _to_rgb8(array: NDArray[Any], max_size: int) -> RGBPixels:
 
 
 def _flattened(array: NDArray[Any], white: int) -> NDArray[Any]:
-    """RGB of RGBA over mid-grey between 0 and white, in strips of rows to save memory."""
+    """Blend RGBA over mid-grey, in strips of rows to save memory."""
     opaque = np.iinfo(array.dtype).max
     grey = TRANSPARENT_GREY * (white / 255)
     flat = np.empty((*array.shape[:2], 3), array.dtype)

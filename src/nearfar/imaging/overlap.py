@@ -9,7 +9,7 @@ from nearfar.arrays import Coordinates
 
 
 def outer_edges(boxes: NDArray[Any]) -> NDArray[np.float64]:
-    """(N, 4) left, top, right, bottom of (N, 4) boxes (x, y, width, height).
+    """Return (N, 4) left, top, right, bottom of (N, 4) boxes (x, y, width, height).
 
     They lie half a pixel outside the centres of the border pixels.
     """
@@ -18,14 +18,14 @@ def outer_edges(boxes: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def bounding_edges(polygons: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(..., 4) left, top, right, bottom of (..., K, 2) polygons."""
+    """Return (..., 4) left, top, right, bottom of (..., K, 2) polygons."""
     return np.concatenate([polygons.min(axis=-2), polygons.max(axis=-2)], axis=-1)
 
 
 def box_overlap(
     first: NDArray[np.floating[Any]], second: NDArray[np.floating[Any]]
 ) -> NDArray[np.float64]:
-    """Intersection over union of every box of one kind with every one of the other.
+    """Return intersection over union of every box of one kind with every one of the other.
 
     Args:
         first: (N, 4) left, top, right, bottom.
@@ -43,12 +43,12 @@ def box_overlap(
 
 
 def box_area(edges: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(N,) areas of (N, 4) boxes given by left, top, right, bottom."""
+    """Return (N,) areas of (N, 4) boxes given by left, top, right, bottom."""
     return np.asarray(np.prod(edges[:, 2:] - edges[:, :2], axis=1), np.float64)
 
 
 def polygon_overlap(first: Coordinates, second: Coordinates) -> float:
-    """Intersection over union of two convex polygons.
+    """Return intersection over union of two convex polygons.
 
     Args:
         first: (N, 2) corners, in either direction around.
@@ -60,7 +60,7 @@ def polygon_overlap(first: Coordinates, second: Coordinates) -> float:
 
 
 def polygon_area(polygon: Coordinates) -> float:
-    """Area of a polygon given by its (N, 2) corners."""
+    """Return area of a polygon given by its (N, 2) corners."""
     return abs(_signed_area(polygon))
 
 
@@ -100,7 +100,7 @@ def polygon_intersection(polygon: Coordinates, window: Coordinates) -> Coordinat
 
 
 def _signed_area(polygon: Coordinates) -> float:
-    """Area of a polygon, positive where y follows x, negative the other way around."""
+    """Return area of a polygon, positive where y follows x, negative the other way around."""
     if not len(polygon):
         return 0.0
     x, y = (polygon - polygon[0]).T

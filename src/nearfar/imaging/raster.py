@@ -1,4 +1,4 @@
-"""TIFFs of which only the tile that is asked for is read: GeoTIFFs, and those that are too large.
+"""TIFFs read tile by tile: GeoTIFFs, and those that are too large.
 
 Needs the extra `geo`. GDAL reduces while it reads, from overviews where the file has some, so the
 memory that a tile takes does not grow with the file.
@@ -32,7 +32,7 @@ _WIDTH, _HEIGHT, _ORIENTATION, _GEO_KEYS = 256, 257, 274, 34735
 
 @dataclass(frozen=True)
 class TiffHeader:
-    """What the first page of a TIFF says of itself.
+    """The tags of the first page of a TIFF.
 
     Attributes:
         width: as stored, in pixels.
@@ -47,7 +47,7 @@ class TiffHeader:
     georeferenced: bool
 
     def by_tiles(self, max_pixels: int) -> bool:
-        """Whether it is to be read tile by tile: a GeoTIFF, or one with more pixels."""
+        """Return whether to read a TIFF tile by tile: a GeoTIFF, or one with more pixels."""
         upright = self.orientation == 1
         return upright and (self.georeferenced or self.width * self.height > max_pixels)
 
@@ -62,7 +62,7 @@ class TiffHeader:
 
 
 def tiff_header(file: Path) -> TiffHeader | None:
-    """The header of a TIFF; None for other files and those that cannot be read."""
+    """Return the header of a TIFF; None for other files and those that cannot be read."""
     try:
         with file.open("rb") as content:
             start = content.read(8)
@@ -102,7 +102,7 @@ class Raster:
     largest: int
 
     def read(self, tile: Tile) -> RGBPixels:
-        """The pixels of a tile; those without data are mid-grey.
+        """Return the pixels of a tile; those without data are mid-grey.
 
         Raises:
             ImageError: the file cannot be read.
@@ -124,7 +124,7 @@ class Raster:
 
 
 def open_raster(file: Path) -> Raster:
-    """A TIFF whose parts are to be read.
+    """Return a TIFF whose parts are to be read.
 
     Raises:
         ImageError: it cannot be read, or is of a kind that is not supported.
@@ -139,7 +139,7 @@ def open_raster(file: Path) -> Raster:
 
 
 def _bands(file: Path, dataset: Any) -> tuple[int, int, int]:
-    """The bands named red, green and blue, else the first three, else the first as grey."""
+    """Return the bands named red, green and blue, else the first three, else the first as grey."""
     from rasterio.enums import ColorInterp
 
     kinds = list(dataset.colorinterp)
@@ -153,7 +153,7 @@ def _bands(file: Path, dataset: Any) -> tuple[int, int, int]:
 
 
 def _largest(dataset: Any, bands: tuple[int, int, int]) -> int:
-    """The largest number of as many bits as the values use, at least 8; no-data values aside."""
+    """Return the largest number of as many bits as the valid values use, at least 8."""
     columns, rows = reduced_size(dataset.width, dataset.height, SAMPLED)
     values = dataset.read(bands, out_shape=(3, rows, columns), masked=True)
     return int(2 ** max(8, int(values.filled(0).max()).bit_length()) - 1)
@@ -161,7 +161,7 @@ def _largest(dataset: Any, bands: tuple[int, int, int]) -> int:
 
 @contextmanager
 def opened(file: Path) -> Iterator[Any]:
-    """The dataset in a file; whatever GDAL cannot do with it is an `ImageError`.
+    """Return the dataset in a file; whatever GDAL cannot do with it is an `ImageError`.
 
     Raises:
         MissingExtraError: the extra `geo` is not installed.

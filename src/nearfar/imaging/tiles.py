@@ -31,13 +31,13 @@ class Tile:
 
     @property
     def original_from_tile(self) -> Matrix3:
-        """Maps pixels of the tile to pixels of the original image."""
+        """Return the transform of pixels of the tile to pixels of the original image."""
         enlarged = scaling(self.width / self.columns, self.height / self.rows)
         return np.asarray(translation(self.left, self.top) @ enlarged)
 
     @property
     def scale(self) -> float:
-        """Size in the tile over size in the original image."""
+        """Return size in the tile over size in the original image."""
         return math.sqrt(self.columns * self.rows / (self.width * self.height))
 
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import Boxes, Matrix3, RGBPixels
 from nearfar.geometry.homography import local_scale, scaling, transform
 
 SMALLEST_SIDE = 16
@@ -38,3 +38,21 @@ def warped(pixels: RGBPixels, frame_from_image: Matrix3, size: tuple[int, int]) 
         pixels, frame_from_image, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101
     )
     return np.asarray(seen)
+
+
+def crop_resized(pixels: RGBPixels, boxes: Boxes, size: int) -> RGBPixels:
+    """Return the content of each box, resized bilinearly to a square (paper, section III).
+
+    Args:
+        pixels: (height, width, 3).
+        boxes: (N, 4) boxes inside the image.
+        size: side of the squares in pixels.
+
+    Returns:
+        (N, size, size, 3).
+    """
+    crops = np.empty((len(boxes), size, size, 3), np.uint8)
+    for crop, (x, y, width, height) in zip(crops, boxes, strict=True):
+        region = pixels[y : y + height, x : x + width]
+        cv2.resize(region, (size, size), dst=crop, interpolation=cv2.INTER_LINEAR)
+    return crops

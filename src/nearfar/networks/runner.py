@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, RGBPixels
 from nearfar.errors import WeightsError
 from nearfar.features.feature_map import FeatureMap, unit_rows
-from nearfar.imaging.crops import crop_resized
+from nearfar.imaging.warp import crop_resized
 from nearfar.networks.graph import INPUT
 
 if TYPE_CHECKING:

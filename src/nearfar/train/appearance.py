@@ -11,7 +11,7 @@ Image = NDArray[np.float32]
 
 
 def taken(pixels: RGBPixels, side: int, rng: np.random.Generator) -> RGBPixels:
-    """The view as another camera would have taken it, on another day, enlarged to `side` pixels.
+    """Change a view as another camera on another day would, and enlarge it to `side` pixels.
 
     Args:
         pixels: (height, width, 3) the view with as many pixels as the camera had for it.
@@ -34,7 +34,7 @@ def _interpolation(pixels: RGBPixels, side: int) -> int:
 
 
 def _in_other_colours(image: Image, rng: np.random.Generator) -> Image:
-    """Grey, or the channels mixed and weighted a little differently; rarely a negative."""
+    """Mix and weight the channels a little, or make the view grey; rarely a negative."""
     if rng.random() < 0.25:
         weights = rng.dirichlet((4, 6, 3)).astype(np.float32)
         image = np.repeat((image @ weights)[..., np.newaxis], 3, axis=2)
@@ -46,7 +46,7 @@ def _in_other_colours(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _in_other_light(image: Image, rng: np.random.Generator) -> Image:
-    """Another exposure, contrast and gamma; light and shadow that vary over the image."""
+    """Change exposure, contrast and gamma, and add light and shadow that vary over the image."""
     gamma = np.exp(rng.normal(0, 0.3))
     bright = 255 * cv2.pow(np.clip(image, 0, 255) / 255, gamma)
     contrast, offset = np.exp(rng.normal(0, 0.25)), rng.normal(0, 18)
@@ -59,13 +59,13 @@ def _in_other_light(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _blurred(image: Image, rng: np.random.Generator) -> Image:
-    """Out of focus by up to 1 pixel, in one direction more than in the other."""
+    """Blur by up to 1 pixel, in one direction more than in the other."""
     across, along = rng.uniform(0.01, 1.0, 2) * (rng.random() < 0.7) + 0.01
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigmaX=across, sigmaY=along))
 
 
 def _noise(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
-    """Of the sensor; by OpenCV's generator, which is ten times as fast as numpy's."""
+    """Add sensor noise, by OpenCV's generator, which is ten times as fast as numpy's."""
     cv2.setRNGSeed(int(rng.integers(2**31)))
     return np.asarray(cv2.randn(np.empty(shape, np.float32), 0, rng.uniform(0, 8)))
 
@@ -76,7 +76,7 @@ def _compressed(pixels: RGBPixels, quality: int) -> RGBPixels:
 
 
 def _occluded(pixels: RGBPixels, rng: np.random.Generator) -> RGBPixels:
-    """A box of up to a quarter of the area hidden behind something of one colour."""
+    """Hide a box of up to a quarter of the area behind one colour."""
     height, width = pixels.shape[:2]
     wide, high = (int(size * rng.uniform(0.15, 0.5)) for size in (width, height))
     x, y = int(rng.integers(0, width - wide)), int(rng.integers(0, height - high))

@@ -18,7 +18,7 @@ FALSE_NEGATIVE = 0.3
 
 @dataclass(frozen=True)
 class BatchShape:
-    """What one batch consists of.
+    """The number and the size of the views in a batch.
 
     Attributes:
         side: of the views in pixels, a multiple of 16 and at least 64.
@@ -74,11 +74,11 @@ class Batches(Dataset[Batch]):
         self._first, self._steps = first, steps
 
     def __len__(self) -> int:
-        """Batches that are left."""
+        """Return the number of batches that are left."""
         return max(0, self._steps - self._first)
 
     def __getitem__(self, index: int) -> Batch:
-        """The batch of step `first + index`."""
+        """Return the batch of step `first + index`."""
         step = self._first + index
         shape = self._shapes[step % len(self._shapes)]
         rng = np.random.default_rng((self._seed, step))

@@ -16,7 +16,7 @@ SHIFT, SCALE = 128.0, 64.0
 
 
 def onnx_model(network: LandmarkNetwork) -> bytes:
-    """The network for images of any size, batch normalization folded into the convolutions.
+    """Return the network for images of any size, batch normalization folded into the convolutions.
 
     Input: (N, height, width, 3) uint8 RGB, sides multiples of 16 and at least 64. Outputs: `cells`
     and `landmarks`, see `LandmarkNetwork.forward`.
@@ -33,7 +33,7 @@ def save_model(network: LandmarkNetwork, folder: Path) -> Path:
 
 
 class _Export:
-    """Adds the layers of the network to a graph."""
+    """Add the layers of the network to a graph."""
 
     def __init__(self, network: LandmarkNetwork) -> None:
         self._network = network

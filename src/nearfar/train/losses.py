@@ -1,4 +1,4 @@
-"""What the network is trained for: the vectors of two views of one thing are nearest neighbours."""
+"""The losses of the training: vectors of two views of one thing are to be nearest neighbours."""
 
 import torch
 from torch import Tensor
@@ -13,7 +13,7 @@ TEMPLATE_TEMPERATURE = 0.04
 
 
 def template_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
-    """Cross entropy of finding each view's counterpart by laying one's cells over the other's.
+    """Return the cross entropy of each view's counterpart by the cosine of all their cells.
 
     That is how the landmark search compares: the mean cosine of cells at the same place, after the
     mean of all cells is subtracted. Cells have to be alike where the views do not quite agree in
@@ -28,14 +28,14 @@ def template_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
 
 
 def template_cosines(near: Tensor, far: Tensor) -> Tensor:
-    """(N, N) mean cosine of the cells of each near view with those of each far view."""
+    """Return (N, N) mean cosine of the cells of each near view with those of each far view."""
     mean = torch.cat([near, far]).mean(dim=(0, 2, 3), keepdim=True)
     flat = [functional.normalize(each - mean, dim=1).flatten(1) for each in (near, far)]
     return flat[0] @ flat[1].T / (near.shape[2] * near.shape[3])
 
 
 def middle(cells: Tensor) -> Tensor:
-    """The cells of a large view without those at its border, which see less; of a small one all.
+    """Return the cells of a view; of a large one without those at its border, which see less.
 
     Args:
         cells: (N, D, H, W).
@@ -47,7 +47,7 @@ def middle(cells: Tensor) -> Tensor:
 
 
 def contrastive_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
-    """Cross entropy of finding each vector's counterpart among all, both ways.
+    """Return cross entropy of finding each vector's counterpart among all, both ways.
 
     That is the loss of CLIP (Radford et al., 2021), or InfoNCE (van den Oord et al., 2018).
 
@@ -61,7 +61,7 @@ def contrastive_loss(near: Tensor, far: Tensor, ignored: Tensor) -> Tensor:
 
 
 def _cross_entropy(logits: Tensor, ignored: Tensor) -> Tensor:
-    """Of finding each row's counterpart, on the diagonal, among its row, and each column's.
+    """Return the cross entropy of each row's and each column's counterpart on the diagonal.
 
     Args:
         logits: (N, N) of cosines, less their greatest value, so that their exponentials, most of
@@ -77,7 +77,7 @@ def _cross_entropy(logits: Tensor, ignored: Tensor) -> Tensor:
 def counterparts(
     near: Tensor, far: Tensor, far_from_near: Tensor, count: int, generator: torch.Generator
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Vectors of the same places in cell maps of both views.
+    """Return vectors of the same places in cell maps of both views.
 
     Args:
         near: (N, D, H, W) cells of the near views.

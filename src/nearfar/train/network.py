@@ -38,7 +38,7 @@ class LandmarkNetwork(nn.Module):
         self.landmark = nn.Conv2d(CELL_VALUES, LANDMARK_VALUES, CROP // COARSE_STRIDE)
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """Vectors of unit length for every cell and every window.
+        """Return vectors of unit length for every cell and every window.
 
         Args:
             images: (N, 3, H, W) RGB in 0 to 255, H and W multiples of 16 and at least 64.
@@ -63,11 +63,11 @@ class Convolution(nn.Module):
         self.norm = nn.BatchNorm2d(out)
 
     def forward(self, source: Tensor) -> Tensor:
-        """(N, into, H, W) to (N, out, H / stride, W / stride)."""
+        """Convert (N, into, H, W) to (N, out, H / stride, W / stride)."""
         return functional.relu(self.norm(self.convolution(source)))
 
     def folded(self) -> nn.Conv2d:
-        """One convolution that does both steps before the ReLU."""
+        """Return one convolution that does both steps before the ReLU."""
         return fuse_conv_bn_eval(self.convolution, self.norm)
 
 
@@ -80,6 +80,6 @@ class Residual(nn.Module):
         self.second = Convolution(channels, channels)
 
     def forward(self, source: Tensor) -> Tensor:
-        """(N, channels, H, W) to the same."""
+        """Convert (N, channels, H, W) to the same shape."""
         result: Tensor = source + self.second(self.first(source))
         return result

@@ -30,13 +30,13 @@ class Photograph:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
+        """Return width and height in pixels."""
         height, width = self.levels[0].shape[:2]
         return width, height
 
 
 def read_photographs(folders: list[Path]) -> tuple[list[Photograph], list[str]]:
-    """All photographs in some folders, those in folders below included, sorted by path.
+    """Return all photographs in some folders, those in folders below included, sorted by path.
 
     Returns:
         The photographs, and one line for each file that is none or too small.
@@ -75,7 +75,7 @@ def _levels(pixels: RGBPixels) -> tuple[RGBPixels, ...]:
 def held_out(
     photographs: list[Photograph], every: int
 ) -> tuple[list[Photograph], list[Photograph]]:
-    """Photographs to train on and, one in `every`, to validate with."""
+    """Return photographs to train on and, one in `every`, to validate with."""
     validation = photographs[every - 1 :: every]
     training = [photograph for photograph in photographs if photograph not in validation]
     return training, validation

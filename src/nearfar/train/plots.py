@@ -8,7 +8,7 @@ from nearfar.train.training import LOG
 
 
 def plot_learning(folder: Path) -> Path:
-    """Losses and recall on the photographs held out, against the step.
+    """Return losses and recall on the photographs held out, against the step.
 
     Returns:
         The file written, PNG.

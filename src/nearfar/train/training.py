@@ -33,7 +33,7 @@ WARM_UP = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class Configuration:
-    """All that decides what is learned from a set of photographs.
+    """Everything that decides what is learned from a set of photographs.
 
     Attributes:
         steps: batches to train on.
@@ -151,7 +151,7 @@ class _Training:
         self._losses: list[dict[str, float]] = []
 
     def step(self, batch: Batch, step: int) -> None:
-        """One step of the optimizer."""
+        """Take one step of the optimizer."""
         for group in self._optimizer.param_groups:
             group["lr"] = learning_rate(self._configuration, step)
         losses = self._batch_losses(batch, step)
@@ -163,7 +163,7 @@ class _Training:
         self._losses.append({name: value.item() for name, value in losses.items()})
 
     def _batch_losses(self, batch: Batch, step: int) -> dict[str, Tensor]:
-        """The losses of `WEIGHTS`; that of landmarks where the views are of one landmark's size."""
+        """Return the losses of `WEIGHTS`; that of landmarks only for views of a landmark's size."""
         self.network.train()
         views = torch.cat([batch.near, batch.far]).to(self._device).float()
         with torch.autocast(self._device.type, torch.bfloat16):
@@ -183,7 +183,7 @@ class _Training:
         return losses
 
     def summary(self, validation: list[Photograph]) -> Row:
-        """Mean losses since the last call, and recall on the validation photographs."""
+        """Return mean losses since the last call, and recall on the validation photographs."""
         row: Row = {}
         for name in WEIGHTS:
             own = [losses[name] for losses in self._losses if name in losses]
@@ -215,7 +215,7 @@ class _Training:
 
 
 def learning_rate(configuration: Configuration, step: int) -> float:
-    """The learning rate of a step, counted from 1."""
+    """Return the learning rate of a step, counted from 1."""
     done = step / configuration.steps
     rise = min(1.0, done / WARM_UP)
     fall = (1 + math.cos(math.pi * min(1.0, max(0.0, done - WARM_UP) / (1 - WARM_UP)))) / 2
@@ -253,7 +253,7 @@ def _opencv_on_one_core() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _deterministic(seed: int) -> Iterator[None]:
-    """The same results for the same seed, as far as torch can; restores what was set before."""
+    """Make torch deterministic for a seed as far as it can, and restore its state afterwards."""
     before = torch.are_deterministic_algorithms_enabled()
     with torch.random.fork_rng():
         torch.manual_seed(seed)

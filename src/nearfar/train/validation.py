@@ -17,7 +17,7 @@ CELLS = 4
 def validated(
     network: torch.nn.Module, photographs: list[Photograph], seed: int, device: torch.device
 ) -> Row:
-    """How often the nearest of all far vectors is the right one.
+    """Return how often the nearest of all far vectors is the correct one.
 
     Args:
         network: called as `LandmarkNetwork` is.

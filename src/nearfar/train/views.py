@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import outline, scaling, transform
+from nearfar.imaging.overlap import bounding_edges, box_overlap
 from nearfar.train.photographs import Photograph
 
 SMALLEST_REGION = 40
@@ -48,7 +49,7 @@ class Region:
     height: float
 
     def corners(self) -> Coordinates:
-        """(4, 2) top left, top right, bottom right, bottom left."""
+        """Return (4, 2) top left, top right, bottom right, bottom left."""
         half = np.array([self.width, self.height]) / 2
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return np.asarray([self.x, self.y] + signs * half)
@@ -56,7 +57,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class ViewPair:
-    """What the network learns to describe alike.
+    """Two views that the network learns to give similar vectors.
 
     Attributes:
         far: (detail, detail, 3) view from aside, with as many pixels as the scale change left.
@@ -70,7 +71,7 @@ class ViewPair:
 
 
 def random_region(photograph: Photograph, index: int, rng: np.random.Generator) -> Region:
-    """A box anywhere in a photograph, small ones more often; one with some texture if there is."""
+    """Draw a box in a photograph, small ones more often, with some texture if there is any."""
     for _ in range(ATTEMPTS):
         region = _random_box(photograph.size, index, rng)
         if _view(photograph, region.corners(), TEXTURE_PIXELS).std() > TEXTURE:
@@ -90,7 +91,7 @@ def _random_box(size: tuple[int, int], photograph: int, rng: np.random.Generator
 
 
 def neighbour(region: Region, size: tuple[int, int], rng: np.random.Generator) -> Region:
-    """A box next to another, at nearly the same scale: what the descriptor must tell from it."""
+    """Draw a box next to another one at nearly the same scale, as a hard negative."""
     factor = math.exp(rng.uniform(-0.35, 0.35))
     angle, distance = rng.uniform(0, 2 * math.pi), rng.uniform(0.6, 1.5)
     width = min(region.width * factor, size[0] - 1.0)
@@ -103,22 +104,18 @@ def neighbour(region: Region, size: tuple[int, int], rng: np.random.Generator) -
 
 
 def overlaps(regions: list[Region]) -> NDArray[np.float64]:
-    """(N, N) intersection over union of all boxes; 0 where they lie in different photographs."""
-    centre = np.array([[region.x, region.y] for region in regions])
-    half = np.array([[region.width, region.height] for region in regions]) / 2
+    """Return the (N, N) intersection over union of boxes, 0 between different photographs."""
+    corners = np.array([region.corners() for region in regions])
     photograph = np.array([region.photograph for region in regions])
-    last = np.minimum((centre + half)[:, np.newaxis], centre + half)
-    first = np.maximum((centre - half)[:, np.newaxis], centre - half)
-    shared = np.clip(last - first, 0, None).prod(axis=2)
-    shared *= photograph[:, np.newaxis] == photograph
-    area = 4 * half.prod(axis=1)
-    return np.asarray(shared / (area[:, np.newaxis] + area - shared))
+    edges = bounding_edges(corners)
+    same = photograph[:, np.newaxis] == photograph
+    return np.asarray(box_overlap(edges, edges) * same)
 
 
 def view_pair(
     photograph: Photograph, region: Region, side: int, rng: np.random.Generator
 ) -> ViewPair:
-    """Two views of a region whose scale change is drawn from 1 to 16.
+    """Draw two views of a region, with a scale change from 1 to 16.
 
     Args:
         photograph: that holds the region.
@@ -141,7 +138,7 @@ def view_pair(
 
 
 def _seen_from_aside(region: Region, rng: np.random.Generator) -> Coordinates:
-    """(4, 2) corners in the photograph of a jittered, rotated and foreshortened box."""
+    """Draw the (4, 2) corners of a jittered, rotated and foreshortened box."""
     shift = rng.uniform(-SHIFT, SHIFT, 2) * [region.width, region.height]
     stretch = np.exp(rng.uniform(-STRETCH, STRETCH, 2))
     angle = math.radians(rng.uniform(-MOST_TURN, MOST_TURN))
@@ -155,7 +152,7 @@ def _seen_from_aside(region: Region, rng: np.random.Generator) -> Coordinates:
 
 
 def _view(photograph: Photograph, corners: Coordinates, detail: int) -> RGBPixels:
-    """A quadrilateral of the photograph as a square of `detail` pixels a side."""
+    """Return a quadrilateral of the photograph as a square of `detail` pixels a side."""
     longest = float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).max())
     level = max(0, math.floor(math.log2(max(1.0, longest / detail / MOST_SAMPLES))))
     level = min(level, len(photograph.levels) - 1)

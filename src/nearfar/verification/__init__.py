@@ -1,1 +1,1 @@
-"""Is this model good? Significance, degeneracy, conditioning, confidence and acceptance."""
+"""Verification of a model: significance, degeneracy, conditioning, confidence, acceptance."""

@@ -1,4 +1,4 @@
-"""How far the inliers determine an answer, by their own errors."""
+"""How far the inliers determine a model, from their own errors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ SMALL_PX = 0.01
 def corner_deviation(
     far_from_near: Matrix3, far: Coordinates, near: Coordinates, near_size: tuple[int, int]
 ) -> float:
-    """How uncertain a homography leaves the corners of the near image.
+    """Return the standard deviation of the near image's corners under a homography.
 
     The errors of the inliers are carried through the least-squares homography to the corners
     (Hartley and Zisserman, 2004, section 5.2). Inliers that nearly lie on one line or crowd in one
@@ -56,7 +56,7 @@ def largest_deviation(footprint: Coordinates, constants: AcceptanceConstants) ->
 
 
 def _jacobian(far_from_near: Matrix3, near: Coordinates, unit_from_near: Matrix3) -> Matrix3:
-    """(2N, 9) derivatives of mapped points by the elements of the homography from unit squares."""
+    """Return (2N, 9) derivatives of mapped points by the elements of the homography."""
     source = np.column_stack([transform(unit_from_near, near), np.ones(len(near))])
     depth = np.column_stack([near, np.ones(len(near))]) @ far_from_near[2]
     mapped = transform(far_from_near, near)
@@ -74,7 +74,7 @@ def relative_parallax(
     far_intrinsics: Matrix3,
     near_intrinsics: Matrix3,
 ) -> float:
-    """How far the inliers of a pose tell that the cameras stood apart.
+    """Return the parallax of a pose's inliers in relation to their errors.
 
     Where they did not, a rotation alone explains the matches, and every direction of translation
     explains them as well.
@@ -113,6 +113,6 @@ def _rays(xy: Coordinates, intrinsics: Matrix3) -> NDArray[np.float64]:
 def _rotation(
     far: NDArray[np.float64], near: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> Matrix3:
-    """The rotation that takes near rays closest to far ones (Kabsch, 1976)."""
+    """Return the rotation that takes near rays closest to far ones (Kabsch, 1976)."""
     left, _, right = np.linalg.svd(far.T @ (weights[:, np.newaxis] * near))
     return np.asarray(left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right)

@@ -1,4 +1,4 @@
-"""Matches and models that look like an answer and are none."""
+"""Degenerate matches and implausible models."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ COLLINEAR_PX = 0.1
 
 
 def finite_rows(far: Coordinates, near: Coordinates) -> NDArray[np.intp]:
-    """Indices of the matches whose four coordinates are finite."""
+    """Return indices of the matches whose four coordinates are finite."""
     return np.flatnonzero(np.isfinite(far).all(axis=1) & np.isfinite(near).all(axis=1))
 
 
 def distinct_matches(far: Coordinates, near: Coordinates) -> int:
-    """Number of matches when no point of either image may count twice; at most an upper bound."""
+    """Return the number of matches if no point counts twice; an upper bound."""
     return min(len(np.unique(xy, axis=0)) for xy in (far, near))
 
 
 def is_model(matrix: NDArray[np.float64] | None) -> bool:
-    """Whether an estimator returned one finite 3x3 matrix: OpenCV also returns None and stacks."""
+    """Return whether a value is one finite 3x3 matrix; OpenCV also returns None and stacks."""
     return matrix is not None and matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
 
 
@@ -34,7 +34,7 @@ def determines_homography(
     inliers: Mask,
     threshold: float,
 ) -> bool:
-    """Whether a homography is invertible and its inliers leave no other one open.
+    """Return whether a homography is invertible and determined by its inliers.
 
     They leave it open where there are fewer than four, where they span less than twice the
     threshold in the far image, so that any transform to about one point would explain them, or
@@ -60,7 +60,7 @@ def is_plausible(
     near: Coordinates,
     constants: AcceptanceConstants = DEFAULT.acceptance,
 ) -> bool:
-    """Whether a camera could have seen what a model says; every pose and fundamental matrix is.
+    """Return whether two views could give a model; always for poses and fundamental matrices.
 
     A homography between two photographs of a surface's one side keeps the sense of rotation
     everywhere, has no horizon among the inliers, and shortens no direction without bound.

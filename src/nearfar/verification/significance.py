@@ -19,7 +19,7 @@ def log10_nfa(
     threshold: float,
     far_size: tuple[float, float],
 ) -> float:
-    """How many models as good as this one are expected among matches that are all wrong.
+    """Return log10 of the number of models this good expected among random matches.
 
     A wrong match lies anywhere in the far image. It agrees with a homography where it lies in a
     disc around the right place, with an epipolar geometry where it lies in a band around the line.

@@ -101,7 +101,7 @@ class Frame:
         return float((self._vectors * vectors[self._covered]).sum(axis=1).mean())
 
     def _seen(self, far: RGBPixels, far_from_near: Matrix3) -> tuple[NDArray[np.float32], Matrix3]:
-        """(N, D) far cells in the frame, zero outside the far image, and frame from far pixels."""
+        """Describe the far image in the frame: (N, D) cells, 0 outside it, and frame_from_far."""
         frame_from_far = self._frame_from_near @ np.linalg.inv(far_from_near)
         vectors, cells = self._described(warped(far, frame_from_far, self._size))
         own = transform(np.linalg.inv(frame_from_far), cells)
@@ -110,7 +110,7 @@ class Frame:
         return vectors, frame_from_far
 
     def _described(self, pixels: RGBPixels) -> tuple[NDArray[np.float32], Coordinates]:
-        """(N, D) unit vectors and (N, 2) places of the cells, in pixels."""
+        """Return (N, D) unit vectors and (N, 2) places of the cells, in pixels."""
         features = self._descriptor.feature_map(pixels)
         own = features.values.reshape(-1, features.values.shape[-1]) - self._far.mean
         return unit(own @ self._far.basis), features.centres
@@ -158,7 +158,7 @@ def _finished(
     frames: Sequence[Frame],
     constants: AlignmentConstants,
 ) -> Hypothesis | None:
-    """The result of the later passes, with its similarity as support."""
+    """Refine a hypothesis in the later frames; its support is its similarity."""
     moved = start
     for frame in frames:
         following = _near(frame.aligned(far, moved), origin, constants)

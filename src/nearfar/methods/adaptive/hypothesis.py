@@ -1,4 +1,4 @@
-"""A guess where the near image lies in the far image."""
+"""A hypothesis of where the near image lies in the far image."""
 
 from dataclasses import dataclass
 

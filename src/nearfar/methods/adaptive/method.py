@@ -47,13 +47,13 @@ class AdaptiveFeatures:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height."""
+        """Return width and height."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """What all steps share."""
+    """The images, matches and limits that all steps share."""
 
     far: AdaptiveFeatures
     near: AdaptiveFeatures
@@ -69,7 +69,7 @@ class _Pair:
         return time.perf_counter() > self.deadline
 
     def enough(self, best: Attempt) -> bool:
-        """Whether an attempt is significant enough to end the search, or the budget is spent."""
+        """Return whether to stop: an attempt is significant enough, or the budget is spent."""
         ladder = self.constants.ladder
         homography = self.task.model == "homography"
         sufficient = ladder.sufficient_homography if homography else ladder.sufficient_epipolar
@@ -280,7 +280,7 @@ class Adaptive:
         return EFFORTS.index(effort) <= EFFORTS.index(self._settings.max_effort)
 
     def _zooms(self, source: str) -> bool:
-        """Whether to zoom in on hypotheses from a source: always on what the caller expects."""
+        """Return whether to zoom in on hypotheses of a source, as always on expected ones."""
         return source == "expected" or self._may("zoom")
 
     def _match(self, pair: _Pair, hypothesis: Hypothesis, reach: float) -> Matched:

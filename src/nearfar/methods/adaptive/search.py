@@ -59,7 +59,7 @@ class Pyramid:
 
     @property
     def nbytes(self) -> int:
-        """Memory that the levels take, in bytes."""
+        """Return memory that the levels take, in bytes."""
         return sum(level.vectors.nbytes for level in self.levels)
 
 
@@ -156,7 +156,7 @@ def _features(
 
 
 def _band(pixels: RGBPixels, start: int, rows: int, descriptor: DenseDescriptor) -> FeatureMap:
-    """The features of some rows of pixels, which are taken with their surroundings."""
+    """Describe some rows of pixels with the rows around them that their features see."""
     above = min(start, BAND_MARGIN)
     features = descriptor.feature_map(pixels[start - above : start + rows + BAND_MARGIN])
     first = above // features.stride
@@ -243,7 +243,7 @@ def _template(
 
 
 def _border(length: int) -> tuple[int, int]:
-    """Pixels to add on both ends, so that the cells reach over them."""
+    """Return the pixels to add at both ends so that cells cover the image."""
     missing = 8 * math.ceil(length / 8) + 8 - length
     return missing // 2, missing - missing // 2
 
@@ -268,7 +268,7 @@ def _peaks(
 
 
 def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDArray[np.float32]:
-    """(rows, columns) mean similarity where the template's middle lies on each cell of the level.
+    """Return the (rows, columns) mean similarity with the template's middle on each cell.
 
     Cells of the template that lie outside count as 0.
 
@@ -288,7 +288,7 @@ def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDAr
 
 
 def unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """The vectors of the last axis at unit length; those of nearly no length stay short."""
+    """Scale the vectors of the last axis to unit length; nearly zero ones stay short."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.maximum(length, 1e-6), np.float32)
 

@@ -37,7 +37,7 @@ FRONTAL = View(1.0, 0.0)
 
 
 def around(tilt: float, count: int) -> tuple[View, ...]:
-    """Views of one tilt along so many axes, evenly spread."""
+    """Return views of one tilt along so many axes, evenly spread."""
     return tuple(View(tilt, 180 * index / count) for index in range(count))
 
 
@@ -50,7 +50,7 @@ those of ASIFT (Morel and Yu, 2009)."""
 
 
 def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixels, Matrix3]:
-    """The image in a view, and the transform from its pixels to those of the view.
+    """Return the image in a view, and the transform from its pixels to those of the view.
 
     Args:
         pixels: the image.
@@ -77,7 +77,7 @@ def simulate(pixels: RGBPixels, view: View, turn: float = 0.0) -> tuple[RGBPixel
 
 
 def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
-    """Blurred along the axis, against aliasing where the view shortens it."""
+    """Blur an image along the axis of a view, against aliasing where the view shortens it."""
     deviation = 0.8 * np.sqrt(view.tilt**2 - 1)
     radius = int(np.ceil(3 * deviation))
     along = np.radians(view.axis)

@@ -41,7 +41,7 @@ class Tentative:
         return len(self.weight)
 
     def agreeing(self, seed: int) -> Mask:
-        """(N,) the matches that tell nearly the same transform as one of them."""
+        """Return the (N,) mask of matches whose transform is nearly that of one of them."""
         away_near = self.near - self.near[seed]
         cos = self.scale[seed] * np.cos(self.angle[seed])
         sin = self.scale[seed] * np.sin(self.angle[seed])
@@ -66,7 +66,7 @@ def tentative_matches(
     of_near: Nearest,
     constants: VoteConstants = DEFAULT.votes,
 ) -> Tentative:
-    """The nearest near keypoint of every far one and the reverse, the most distinctive of them.
+    """Return the most distinctive nearest neighbours of both directions.
 
     Args:
         far: keypoints of the far image.
@@ -92,14 +92,14 @@ def tentative_matches(
 def matches_of(
     far: Keypoints, near: Keypoints, pairs: IndexPairs, weight: NDArray[np.float64]
 ) -> Tentative:
-    """(M, 2) pairs of keypoints with (M,) weights as matches with their transforms."""
+    """Return (M, 2) pairs of keypoints as matches with their similarity transforms."""
     i, j = pairs.T
     scale, angle = far.scale[i] / near.scale[j], far.angle[i] - near.angle[j]
     return Tentative(far.xy[i], near.xy[j], scale, angle, weight)
 
 
 def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
-    """The transforms with most support, best first; each match supports one.
+    """Return the transforms with most support, best first; each match supports only one.
 
     Args:
         matches: the matches.
@@ -137,7 +137,7 @@ def hypotheses(matches: Tentative, most: int, source: str) -> list[Hypothesis]:
 
 
 def local_support(matches: Tentative) -> NDArray[np.float64]:
-    """(N,) weight of each match and of all that agree with it in its neighbourhood.
+    """Return the (N,) sums of weights of all agreeing matches in each one's neighbourhood.
 
     In a scene with depth no transform holds everywhere, but nearly the same one holds for
     neighbours.

@@ -1,4 +1,4 @@
-"""Zoom: the regions that a hypothesis says are the same, at the same scale, matched again."""
+"""Zoom: guided matching of the region that a hypothesis gives, at the same scale."""
 
 import functools
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class Matched:
 
     @staticmethod
     def none() -> "Matched":
-        """No matches."""
+        """Return no matches."""
         pairs, one = np.empty((0, 2)), np.empty(0)
         return Matched(pairs, pairs, np.inf, Tentative(pairs, pairs, one, one, one))
 
@@ -47,7 +47,7 @@ class Matched:
         ratio: float,
         radius: float = np.inf,
     ) -> "Matched":
-        """Mutual nearest neighbours that pass the ratio test.
+        """Return mutual nearest neighbours that pass the ratio test.
 
         Args:
             far: keypoints of the far image.
@@ -67,7 +67,7 @@ class Matched:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What a hypothesis says both images show, in a common frame.
+    """The region that a hypothesis gives, in a common frame of both images.
 
     The frame has the scale of the far image, a larger one where the near image has more detail, and
     a smaller one where the region would be too long.
@@ -90,17 +90,17 @@ class Region:
 
     @functools.cached_property
     def far_points(self) -> Keypoints:
-        """Keypoints of the far image in the frame."""
+        """Return the keypoints of the far image in the frame."""
         seen = warped(self.far_pixels, self.frame_from_far, self.size)
         return self._keypoints(seen, self.frame_from_far, self.far_pixels)
 
     @functools.cached_property
     def near_seen(self) -> RGBPixels:
-        """The near image in the frame."""
+        """Return the near image in the frame."""
         return warped(self.near_pixels, self.frame_from_near, self.size)
 
     def matches(self, reach: float) -> Matched:
-        """Keypoints that match within a gate.
+        """Match keypoints within a gate.
 
         Args:
             reach: how far from the expected place, as a share of the frame's diagonal.
@@ -129,7 +129,7 @@ def region(
     far_from_near: Matrix3,
     constants: ZoomConstants = DEFAULT.zoom,
 ) -> Region | None:
-    """The region that both images show under a hypothesis; None where there is none.
+    """Return the region that both images show under a hypothesis; None where there is none.
 
     Args:
         far: the far image.
@@ -172,7 +172,7 @@ def guided_matches(
     reach: float,
     constants: ZoomConstants = DEFAULT.zoom,
 ) -> Matched:
-    """The keypoints of the whole images that match within the gate of a hypothesis.
+    """Match keypoints of the whole images within the gate of a hypothesis.
 
     Args:
         far: keypoints of the far image.
@@ -206,7 +206,7 @@ def _grid(width: int, height: int) -> Coordinates:
 
 
 def inside(points: Keypoints, seen_from_image: Matrix3, pixels: RGBPixels) -> Keypoints:
-    """The keypoints of a warped image that lie on the image, not on what fills its border."""
+    """Keep the keypoints of a warped image that lie on the image, not beyond its border."""
     own = transform(np.linalg.inv(seen_from_image), points.xy)
     height, width = pixels.shape[:2]
     return points[np.all((own >= 0) & (own <= [width - 1, height - 1]), axis=1)]
