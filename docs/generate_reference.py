@@ -87,13 +87,17 @@ def settings() -> str:
     for path, kind in _dataclasses("", Settings):
         if path:
             lines.append(f"\n## {path}\n\n{_plain(inspect.getdoc(kind) or '').splitlines()[0]}")
-        lines.append("\n| setting | type | default | what it is |\n|---|---|---|---|")
+        rows = []
         texts = {each.arg_name: each.description or "" for each in parse_from_object(kind).params}
         for field in dataclasses.fields(kind):
-            if not _is_nested(field):
-                cells = (_type(field.type), _default(field), _plain(texts.get(field.name, "")))
-                cell = " | ".join(each.replace("|", "\\|") for each in cells)
-                lines.append(f"| `{field.name}` | {cell} |")
+            if path and _is_nested(field):
+                continue
+            default = "see below" if _is_nested(field) else _default(field)
+            cells = (_type(field.type), default, _plain(texts.get(field.name, "")))
+            cell = " | ".join(each.replace("|", "\\|") for each in cells)
+            rows.append(f"| `{field.name}` | {cell} |")
+        if rows:
+            lines += ["\n| setting | type | default | what it is |\n|---|---|---|---|", *rows]
     return "\n".join(lines)
 
 
