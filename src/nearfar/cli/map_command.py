@@ -7,7 +7,7 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
@@ -242,24 +242,24 @@ def locate_command(
         Query(query, name, folder, settings, top, candidates, camera, save, run)
         for query, name in zip(queries, _names(queries), strict=True)
     ]
-    statuses = {0}
-    features: list[dict[str, Any]] = []
+    located = []
     with shown_progress("queries") as show:
         for found in workers.run_in_order(locate_query, tasks, died, meter):
             show(meter.done, len(tasks))
-            if found.error is not None:
+            if found.error is None:
+                _say(found.line if as_json else found.text)
+            else:
                 print(f"nearfar: {found.error}", file=sys.stderr)  # noqa: T201
-                statuses.add(BAD_INPUT)
                 meter.failed += 1
-                continue
-            _say(found.line if as_json else found.text)
-            features += found.features
-            statuses.add(0 if found.located else FAILED)
+            located.append(found)
     if geojson is not None:
+        features = [feature for found in located for feature in found.features]
         content = {"type": "FeatureCollection", "features": features}
         geojson.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
     logs.event("queries located", map=str(folder), **meter.metrics().to_dict())
-    return BAD_INPUT if BAD_INPUT in statuses else max(statuses)
+    if meter.failed:
+        return BAD_INPUT
+    return 0 if all(found.located for found in located) else FAILED
 
 
 def _names(queries: Sequence[Location]) -> list[str]:

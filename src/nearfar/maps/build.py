@@ -148,7 +148,7 @@ class _Waiting:
 
     def commit(self) -> None:
         self._store.add(self._entries)
-        self._store.renew(self._same)
+        self._store.put_images(self._same)
         self._entries, self._same, self._landmarks = [], [], 0
 
 

@@ -157,17 +157,8 @@ class MapStore:
         replaced -= {entry.image.id for entry in entries}
         self._landmarks.add(pa.concat_tables(map(landmark_rows, entries)))
         self._tiles.add(tile_rows(entries))
-        self._put_images([entry.image for entry in entries])
+        self.put_images([entry.image for entry in entries])
         self._remove_parts(replaced)
-
-    @own_errors
-    def renew(self, images: Sequence[MapImage]) -> None:
-        """Update size and time of files whose content is unchanged.
-
-        Must be called within `writing`.
-        """
-        if images:
-            self._put_images(images)
 
     @own_errors
     def remove(self, images: Collection[int]) -> None:
@@ -227,8 +218,11 @@ class MapStore:
         rows = self._images.search().where(f"name IN ({quoted})").select(["id"]).to_list()
         return {row["id"] for row in rows}
 
-    def _put_images(self, images: Sequence[MapImage]) -> None:
-        """Add rows of images, or replace those of the same names."""
+    @own_errors
+    def put_images(self, images: Sequence[MapImage]) -> None:
+        """Add rows of images, or replace those of the same names; within `writing`."""
+        if not images:
+            return
         rows = [[getattr(image, field.name) for image in images] for field in IMAGES]
         upsert = self._images.merge_insert("name").when_matched_update_all()
         upsert.when_not_matched_insert_all().execute(table_of(rows, IMAGES))

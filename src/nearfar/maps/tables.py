@@ -101,35 +101,32 @@ class IndexHits:
     similarity: NDArray[np.float32]
 
 
-IMAGES = pa.schema(
-    [
-        pa.field("id", pa.int64(), nullable=False),
-        pa.field("name", pa.string(), nullable=False),
-        pa.field("sha256", pa.string(), nullable=False),
-        pa.field("width", pa.int32(), nullable=False),
-        pa.field("height", pa.int32(), nullable=False),
-        pa.field("status", pa.string(), nullable=False),
-        pa.field("landmarks", pa.int32(), nullable=False),
-        pa.field("size", pa.int64(), nullable=False),
-        pa.field("modified", pa.int64(), nullable=False),
-    ]
+def schema_of(**columns: pa.DataType) -> pa.Schema:
+    """Return a schema of columns without nulls."""
+    return pa.schema([pa.field(name, kind, nullable=False) for name, kind in columns.items()])
+
+
+IMAGES = schema_of(
+    id=pa.int64(),
+    name=pa.string(),
+    sha256=pa.string(),
+    width=pa.int32(),
+    height=pa.int32(),
+    status=pa.string(),
+    landmarks=pa.int32(),
+    size=pa.int64(),
+    modified=pa.int64(),
 )
 WINDOW = ("left", "top", "width", "height", "columns", "rows")
-TILES = pa.schema(
-    [
-        pa.field("image", pa.int64(), nullable=False),
-        *(pa.field(name, pa.int32(), nullable=False) for name in WINDOW),
-        pa.field("keypoints", pa.large_binary(), nullable=False),
-    ]
+TILES = schema_of(
+    image=pa.int64(), **dict.fromkeys(WINDOW, pa.int32()), keypoints=pa.large_binary()
 )
-LANDMARKS = pa.schema(
-    [
-        pa.field("image", pa.int64(), nullable=False),
-        pa.field("x", pa.float32(), nullable=False),
-        pa.field("y", pa.float32(), nullable=False),
-        pa.field("side", pa.float32(), nullable=False),
-        pa.field("vector", pa.list_(pa.float16(), DIMENSIONS), nullable=False),
-    ]
+LANDMARKS = schema_of(
+    image=pa.int64(),
+    x=pa.float32(),
+    y=pa.float32(),
+    side=pa.float32(),
+    vector=pa.list_(pa.float16(), DIMENSIONS),
 )
 SCHEMAS = {"images": IMAGES, "tiles": TILES, "landmarks": LANDMARKS}
 

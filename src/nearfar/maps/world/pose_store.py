@@ -8,19 +8,18 @@ import pyarrow as pa
 
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.database import connect, database_errors, open_table, own_errors
+from nearfar.maps.tables import schema_of
 from nearfar.maps.world.scene import PosedImage
 from nearfar.storage.locations import Location
 
 TABLE = "views"
-_SCHEMA = pa.schema(
-    [
-        pa.field("image", pa.int64(), nullable=False),
-        pa.field("world", pa.string(), nullable=False),
-        pa.field("camera", pa.list_(pa.float64(), 4), nullable=False),
-        pa.field("world_from_camera", pa.list_(pa.float64(), 12), nullable=False),
-        pa.field("observed", pa.list_(pa.float64()), nullable=False),
-        pa.field("points", pa.list_(pa.float64()), nullable=False),
-    ]
+_SCHEMA = schema_of(
+    image=pa.int64(),
+    world=pa.string(),
+    camera=pa.list_(pa.float64(), 4),
+    world_from_camera=pa.list_(pa.float64(), 12),
+    observed=pa.list_(pa.float64()),
+    points=pa.list_(pa.float64()),
 )
 
 
