@@ -1,4 +1,4 @@
-"""`nearfar map`."""
+"""The commands of `nearfar map`."""
 
 import itertools
 import json
@@ -32,7 +32,7 @@ from nearfar.runtime.timing import Meter
 from nearfar.settings import Effort, Settings
 from nearfar.storage.locations import Location
 
-map_app = App(name="map", help="Keep a map of many images, and locate others in it.")
+map_app = App(name="map", help="Keep a map of many images, and locate other images in it.")
 
 MapFolder = Annotated[Place, Parameter(name="MAP")]
 AsJson = Annotated[Flag, Parameter(name="--json")]
@@ -52,15 +52,16 @@ def build_command(
 ) -> None:
     """Make a map of IMAGES, or complete one.
 
-    Images that are in the map already and have not changed are left, those that have changed are
-    replaced. A build that was stopped goes on where it was.
+    Images that are in the map already are left. Images that have changed are replaced. A build that
+    was stopped goes on where it was.
 
     Args:
-        images: Images, and folders, of which all images are added; or their URLs.
+        images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
+            URLs.
         out: Folder of the map, or its URL (s3://BUCKET/PATH).
-        max_size: Reduce images so that neither side exceeds this; by default they are not reduced.
-        max_pixels: Skip larger images, which may be decompression bombs.
-        weights: Model of the descriptor, nearfar=FILE.
+        max_size: Longest side in pixels to which images are reduced; by default they are not.
+        max_pixels: Skip images with more pixels, which may be decompression bombs.
+        weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
     _add(out, images, settings, work, world, create=True, max_size=max_size)
@@ -81,9 +82,10 @@ def add_command(
 
     Args:
         folder: Folder of the map.
-        images: Images, and folders, of which all images are added; or their URLs.
-        max_pixels: Skip larger images, which may be decompression bombs.
-        weights: Model of the descriptor, nearfar=FILE.
+        images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
+            URLs.
+        max_pixels: Skip images with more pixels, which may be decompression bombs.
+        weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
     _add(folder, images, settings, work, world)
@@ -102,7 +104,7 @@ def remove_command(folder: MapFolder, names: list[str], /) -> None:
 
 @map_app.command(name="info")
 def info_command(folder: MapFolder, /, *, as_json: AsJson = False) -> None:
-    """Say what is in a map.
+    """Print what is in a map.
 
     Args:
         folder: Folder of the map.
@@ -128,11 +130,11 @@ def info_command(folder: MapFolder, /, *, as_json: AsJson = False) -> None:
 def check_command(folder: MapFolder, /, *, content: Flag = False) -> int:
     """Check a map and the files of its images.
 
-    Exit status: 0 no problem, 3 problems, one a line, 2 bad input or usage.
+    Each problem is one line. Exit status: 0 no problem, 3 problems, 2 bad input or usage.
 
     Args:
         folder: Folder of the map.
-        content: Read also the files whose size and time are those that were recorded.
+        content: Also read the files whose size and time have not changed.
     """
     map_ = open_map(folder)
     problems = map_.check(content=content)
@@ -145,7 +147,7 @@ def check_command(folder: MapFolder, /, *, content: Flag = False) -> int:
 
 @map_app.command(name="upgrade")
 def upgrade_command(folder: MapFolder, /) -> None:
-    """Bring a map that an older version made to the present format; nothing is described again.
+    """Bring a map of an older version to the present format, without reading its images again.
 
     Args:
         folder: Folder of the map.
@@ -161,8 +163,8 @@ def upgrade_command(folder: MapFolder, /) -> None:
 def unlock_command(folder: MapFolder, /) -> None:
     """Remove the lock of a process that was killed while it wrote to a map in object storage.
 
-    Make sure that it does not run any more: two writers can leave images without landmarks, which
-    `nearfar map check` tells.
+    Make sure that the process does not run any more. Two writers can leave images without
+    landmarks, which `nearfar map check` reports.
 
     Args:
         folder: URL of the map.
@@ -176,7 +178,7 @@ def unlock_command(folder: MapFolder, /) -> None:
 
 @map_app.command(name="compact")
 def compact_command(folder: MapFolder, /) -> None:
-    """Merge the files of a map, remove what it no longer needs, and index many landmarks.
+    """Merge the files of a map, remove old ones, and index the landmarks of a large map.
 
     Args:
         folder: Folder of the map.
@@ -210,20 +212,20 @@ def locate_command(
     Args:
         folder: Folder of the map.
         queries: Images to locate, or their URLs.
-        as_json: Print one JSON object a query, each on a line of its own, instead of text.
-        save: Folder, or URL of one, for a JSON file and a picture of each query.
+        as_json: Print one JSON object a line for each query instead of text.
+        save: Folder or URL for a JSON file and a picture of each query.
         geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
             latitude.
-        intrinsics: Camera that took the queries, to find their poses where those of map images are
-            known: JSON file {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
-        top: How many answers to seek.
-        candidates: How many candidates to verify geometrically, those with most votes of
-            landmarks; where no answer is confident, the same number again with simulated views.
-        max_effort: The last step of the method adaptive to try for each candidate.
-        min_confidence: A candidate of less calibrated confidence is no answer; nor is one that
-            chance may explain, which is below 0.69 for homographies and 0.77 for poses.
-        max_pixels: Refuse larger images, which may be decompression bombs.
-        weights: Model of the descriptor, nearfar=FILE.
+        intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
+            {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
+        top: Number of answers to seek.
+        candidates: Number of candidates to verify geometrically, those with most votes. Where no
+            answer is confident, as many are verified again with simulated views.
+        max_effort: Last step of the method adaptive to try for each candidate.
+        min_confidence: Least calibrated confidence of an answer. Results that chance may explain,
+            below 0.69 for homographies and 0.77 for poses, are never answers.
+        max_pixels: Refuse images with more pixels, which may be decompression bombs.
+        weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = DEFAULTS.replace(
         max_effort=max_effort, min_confidence=min_confidence, max_pixels=max_pixels
@@ -263,7 +265,7 @@ def locate_command(
 
 
 def _names(queries: Sequence[Location]) -> list[str]:
-    """A name for the files of each query; further queries of the same name are numbered."""
+    """Return a name for the files of each query; further queries of a name are numbered."""
     names: dict[str, None] = {}
     for query in queries:
         numbered = (f"{query.stem}-{number}" for number in itertools.count(2))
@@ -283,7 +285,7 @@ def _add(
     create: bool = False,
     max_size: int | None = None,
 ) -> None:
-    """Add images to a map and attach their poses; say what was done."""
+    """Add images to a map, attach their poses, and print what was done."""
     sources = world.read()
     map_ = open_map(folder, create=create, max_size=max_size, settings=settings)
     workers = work.begin()

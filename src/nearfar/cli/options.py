@@ -89,7 +89,9 @@ def with_weights(settings: Settings, weights: tuple[str, ...]) -> Settings:
 class WorldOptions:
     """Where cameras and poses of IMAGES are."""
 
-    poses: Annotated[tuple[str, ...], Parameter(negative="", metavar="SOURCE=PATH")] = ()
+    poses: Annotated[
+        tuple[str, ...], Parameter(negative="", metavar="SOURCE=PATH", show_default=False)
+    ] = ()
     """Cameras and poses of IMAGES by a map source (nearfar list): colmap=FOLDER of a model,
     kitti=FILE or tum=FILE with poses from the camera to the world, in the order of IMAGES or by
     their names."""
