@@ -39,7 +39,7 @@ from nearfar.methods.adaptive.votes import hypotheses, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, Region, region
 from nearfar.methods.points import tuned_estimator
 from nearfar.render import save_small
-from nearfar.render.footprint import footprint_page
+from nearfar.render.alignment import footprint_page
 
 FOLDER = Path(__file__).parent / "images"
 NEAR = "retina.jpg"
@@ -181,7 +181,7 @@ def draw_answer(pair: Pair) -> None:
     """What the localizer answers, and each of its attempts."""
     attempts = Attempts()
     found = nearfar.Localizer().localize(pair.far, pair.near, watcher=attempts)
-    page = footprint_page(found, aligned=True)
+    page = footprint_page(found, nearfar.read_images(found, (pair.far, pair.near)), aligned=True)
     if page is None or found.confidence is None or found.scale_change is None:
         raise ValueError(f"not localized: {found.reason}")
     save_page(page, "how-answer")

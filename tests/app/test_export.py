@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from nearfar.app.kept import localization_of_row
-from nearfar.app.tasks import ExportTask
+from nearfar.app.formats import localization_of_row
+from nearfar.app.process import ExportTask
 from nearfar.app.worker import exported
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform

@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 from nearfar.app.errors import ConflictError, NotFoundError, StoreFullError
 from nearfar.app.files import write_whole
 from nearfar.app.jobs import Reference
-from nearfar.app.tasks import Message
+from nearfar.app.process import Message
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.bench.evaluate import PAPER_POINTS
 from nearfar.geometry.errors import symmetric_transfer_error, transfer_errors

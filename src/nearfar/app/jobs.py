@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError
 
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
-from nearfar.app.tasks import Message
+from nearfar.app.process import Message
 from nearfar.settings import Effort
 
 _ID = re.compile(r"[0-9a-f]{16}")

@@ -13,7 +13,7 @@ from nearfar.arrays import Matrix3
 from nearfar.imaging.image import Image, ImageInfo, read_image, reduced_size
 from nearfar.imaging.raster import open_raster, tiff_header
 from nearfar.imaging.tiles import Tile
-from nearfar.render.view import rendered
+from nearfar.render.draw import rendered
 
 LONGEST = 6000
 """Longest side of a picture to look at, in pixels."""

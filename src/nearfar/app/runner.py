@@ -9,8 +9,7 @@ from collections.abc import Callable
 from nearfar.app.configuration import Limits
 from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
 from nearfar.app.jobs import Job, JobStore, StepProgress
-from nearfar.app.process import WorkerProcess
-from nearfar.app.tasks import Ended, LocalizeTask, LocateTask, Report, StageReport
+from nearfar.app.process import Ended, LocalizeTask, LocateTask, Report, StageReport, WorkerProcess
 
 TaskOf = Callable[[Job], LocalizeTask | LocateTask]
 Say = Callable[[str], str]

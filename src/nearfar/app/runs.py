@@ -8,8 +8,7 @@ from typing import Any
 
 from nearfar.app.configuration import MEGABYTE
 from nearfar.app.errors import ConflictError, NotFoundError, TooLargeError
-from nearfar.app.formats import image_names
-from nearfar.app.kept import KeptAnswer, localization_of_row
+from nearfar.app.formats import KeptAnswer, image_names, localization_of_row
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
 from nearfar.bench.results import Result, load_benchmarks, load_record

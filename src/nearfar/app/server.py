@@ -27,7 +27,7 @@ from nearfar.app.errors import (
     TryLaterError,
 )
 from nearfar.app.guard import Guard
-from nearfar.app.routes import annotations, exports, images, jobs, runs
+from nearfar.app.routes import annotations, answers, images
 from nearfar.app.services import Services
 from nearfar.errors import NearfarError, SettingsError
 
@@ -62,7 +62,7 @@ def create_app(configuration: Configuration) -> FastAPI:
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
     )
-    for module in (images, jobs, annotations, runs, exports):
+    for module in (images, annotations, answers):
         app.include_router(module.router)
     app.add_exception_handler(NearfarError, _refused)
     app.add_exception_handler(OSError, _not_stored)

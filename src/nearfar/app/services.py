@@ -8,9 +8,9 @@ from nearfar.app.files import Uploads
 from nearfar.app.formats import Formats
 from nearfar.app.jobs import Job, JobStore, LocalizeRequest
 from nearfar.app.library import Library
+from nearfar.app.process import LocalizeTask, LocateTask
 from nearfar.app.renditions import Renditions
 from nearfar.app.runner import Runner
-from nearfar.app.tasks import LocalizeTask, LocateTask
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from nearfar.app.files import write_whole
-from nearfar.app.kept import read_matches, write_matches
-from nearfar.app.process import do_tasks
-from nearfar.app.results import Step, Steps, localization_result, map_result
-from nearfar.app.tasks import (
+from nearfar.app.formats import read_matches, write_matches
+from nearfar.app.process import (
     AttemptReport,
     Ended,
     ExportTask,
@@ -21,7 +19,9 @@ from nearfar.app.tasks import (
     Outcome,
     StageReport,
     WorkerTask,
+    do_tasks,
 )
+from nearfar.app.results import Step, Steps, localization_result, map_result
 from nearfar.errors import ExportError, MapError, NearfarError
 from nearfar.exports import EXPORTERS, Subject, registered_exporter
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, read_image

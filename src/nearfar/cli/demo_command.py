@@ -15,7 +15,7 @@ from nearfar.demo import METHODS, TOLERANCE, Scene, make_scene, true_error, true
 from nearfar.localization import Localization, read_images
 from nearfar.localizer import Localizer
 from nearfar.render import save, save_localization, save_small
-from nearfar.render.footprint import footprint_page
+from nearfar.render.alignment import footprint_page
 from nearfar.render.page import Caption, Entry
 
 

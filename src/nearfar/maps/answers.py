@@ -13,7 +13,7 @@ from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.world.places import DECIMALS, GeoPlace, QueryPose, ring
 from nearfar.render import save
-from nearfar.render.footprint import footprint_page
+from nearfar.render.alignment import footprint_page
 from nearfar.render.matches import point_matches
 from nearfar.render.page import Caption, Entry
 from nearfar.storage.locations import Location, replaced

@@ -12,8 +12,7 @@ from PIL import Image as PillowImage
 from nearfar.arrays import RGBPixels
 from nearfar.imaging.image import ImagePair, ImageSource
 from nearfar.localization import Localization, read_images
-from nearfar.render.alignment import overlay_pages
-from nearfar.render.footprint import footprint_page
+from nearfar.render.alignment import footprint_page, overlay_pages
 from nearfar.render.matches import epipolar_matches, landmark_matches, point_matches
 from nearfar.storage.locations import replaced
 

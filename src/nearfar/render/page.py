@@ -10,8 +10,7 @@ from PIL import ImageDraw, ImageFont
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import scaling, transform
 from nearfar.imaging.image import Image
-from nearfar.render.draw import WHITE, Colour
-from nearfar.render.view import rendered
+from nearfar.render.draw import WHITE, Colour, rendered
 
 INK: Colour = (24, 32, 44)
 MUTED: Colour = (104, 114, 130)

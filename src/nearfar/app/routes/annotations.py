@@ -30,9 +30,9 @@ from nearfar.app.export import (
 )
 from nearfar.app.formats import image_names
 from nearfar.app.jobs import Reference
+from nearfar.app.process import Message
 from nearfar.app.routes import Held
 from nearfar.app.services import Services
-from nearfar.app.tasks import Message
 
 router = APIRouter(prefix="/api")
 

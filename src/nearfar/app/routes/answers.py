@@ -1,0 +1,190 @@
+"""Jobs, results of benchmarks, and their answers in the files of other tools."""
+
+import mimetypes
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Response
+
+import nearfar
+from nearfar.app.configuration import MEGABYTE
+from nearfar.app.errors import ConflictError
+from nearfar.app.formats import KeptAnswer, image_names, kept_localization
+from nearfar.app.jobs import Job, JobRequest, LocalizeRequest
+from nearfar.app.process import Outcome
+from nearfar.app.routes import Held
+from nearfar.app.runs import Run, kept_row, read_run
+from nearfar.app.services import Services
+from nearfar.errors import MissingExtraError
+from nearfar.maps import PACKAGES
+from nearfar.runtime import require
+from nearfar.settings import EFFORTS
+
+router = APIRouter(prefix="/api")
+
+
+@router.get("/jobs")
+async def list_jobs(held: Held) -> list[Job]:
+    """All jobs, the newest first."""
+    return held.jobs.all()
+
+
+@router.post("/jobs", status_code=201)
+async def create_job(held: Held, request: JobRequest) -> Job:
+    """A new job, which waits for its turn."""
+    names = _names(held, request)
+    held.runner.check_room()
+    return held.runner.submit(held.jobs.create(request, names))
+
+
+@router.get("/jobs/{job_id}")
+async def get_job(held: Held, job_id: str) -> Job:
+    """How a job stands."""
+    return held.jobs.get(job_id)
+
+
+@router.get("/jobs/{job_id}/result")
+def get_result(held: Held, job_id: str) -> dict[str, Any]:
+    """The answer of a job that is done, without the places of files on this machine."""
+    result, request = held.jobs.result(job_id), held.jobs.get(job_id).request
+    if isinstance(request, LocalizeRequest):
+        names, found = image_names(held.library, request.far, request.near), result["localization"]
+        found["far"]["path"], found["near"]["path"] = names.far, names.near
+        return result
+    result["query"]["path"] = held.library.name(request.query)
+    for answer in result["answers"]:
+        answer["far"] = held.library.reference(Path(answer.pop("file")))
+    return result
+
+
+@router.post("/jobs/{job_id}/start")
+async def start_job(held: Held, job_id: str) -> Job:
+    """Do a job again that was interrupted, cancelled or failed."""
+    return held.runner.submit(held.jobs.get(job_id))
+
+
+@router.post("/jobs/{job_id}/cancel")
+async def cancel_job(held: Held, job_id: str) -> Job:
+    """End a job that waits or runs."""
+    held.runner.cancel(held.jobs.get(job_id))
+    return held.jobs.get(job_id)
+
+
+@router.delete("/jobs/{job_id}", status_code=204)
+async def delete_job(held: Held, job_id: str) -> Response:
+    """Forget a job and its answer."""
+    held.runner.cancel(held.jobs.get(job_id))
+    held.jobs.delete(job_id)
+    return Response(status_code=204)
+
+
+def _names(held: Services, request: JobRequest) -> list[str]:
+    """Of the files of a request, all of which are there."""
+    library = held.library
+    if isinstance(request, LocalizeRequest):
+        files = [request.far, request.near]
+    else:
+        library.folder(request.folder)
+        files = [request.query]
+    for ref in files:
+        library.file(ref)
+    names = [library.name(ref) for ref in files]
+    return names if isinstance(request, LocalizeRequest) else [library.name(request.folder), *names]
+
+
+@dataclass(frozen=True)
+class About:
+    """What the app can do.
+
+    Attributes:
+        version: of nearfar.
+        folders: how many it was started with.
+        maps: None, or why maps cannot be searched.
+        upload_megabytes: largest image that can be sent.
+        efforts: names of what `max_effort` can be, the least first.
+    """
+
+    version: str
+    folders: int
+    maps: str | None
+    upload_megabytes: float
+    efforts: tuple[str, ...]
+
+
+@router.get("/about")
+async def about(held: Held) -> About:
+    """What the app can do."""
+    configuration, missing = held.configuration, None
+    try:
+        require("map", *PACKAGES)
+    except MissingExtraError as error:
+        missing = str(error)
+    upload = configuration.limits.upload_bytes / MEGABYTE
+    return About(nearfar.__version__, len(configuration.folders), missing, upload, EFFORTS)
+
+
+@router.get("/runs")
+def get_run(held: Held, ref: Annotated[str, Query(max_length=4000)]) -> Run:
+    """The rows of a folder of results, failures first."""
+    return read_run(held.library.folder(ref), held.library)
+
+
+_Text = Annotated[str, Query(max_length=4000)]
+
+
+def _of_job(held: Held, job_id: str) -> KeptAnswer:
+    job = held.jobs.get(job_id)
+    request, library = job.request, held.library
+    if not isinstance(request, LocalizeRequest):
+        raise ConflictError("only answers for pairs can be exported")
+    found = kept_localization(held.jobs.result(job_id).get("localization"))
+    found = replace(
+        found,
+        far=replace(found.far, path=library.file(request.far)),
+        near=replace(found.near, path=library.file(request.near)),
+    )
+    names = image_names(library, request.far, request.near)
+    return KeptAnswer(found, held.jobs.matches_file(job), names)
+
+
+def _of_row(
+    held: Held, ref: _Text, index: Annotated[int, Query(ge=0)], case: _Text, method: _Text
+) -> KeptAnswer:
+    return kept_row(held.library.folder(ref), held.library, held.renditions, index, case, method)
+
+
+OfJob = Annotated[KeptAnswer, Depends(_of_job)]
+OfRow = Annotated[KeptAnswer, Depends(_of_row)]
+Names = Annotated[list[str], Query(alias="format", min_length=1, max_length=20)]
+
+
+@router.get("/jobs/{job_id}/exports")
+async def formats_of_job(held: Held, answer: OfJob) -> list[Outcome]:
+    """All formats, and why a job's answer cannot be written in some."""
+    return await held.formats.offered(answer)
+
+
+@router.get("/jobs/{job_id}/export")
+async def export_job(held: Held, answer: OfJob, names: Names) -> Response:
+    """Download a job's answer in one format or, as a ZIP archive, several."""
+    return await _sent(held, answer, names)
+
+
+@router.get("/runs/exports")
+async def formats_of_row(held: Held, answer: OfRow) -> list[Outcome]:
+    """All formats, and why an answer of a benchmark cannot be written in some."""
+    return await held.formats.offered(answer)
+
+
+@router.get("/runs/export")
+async def export_row(held: Held, answer: OfRow, names: Names) -> Response:
+    """Download an answer of a benchmark in one format or, as a ZIP archive, several."""
+    return await _sent(held, answer, names)
+
+
+async def _sent(held: Held, answer: KeptAnswer, names: list[str]) -> Response:
+    file = await held.formats.download(answer, names)
+    kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+    headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
+    return Response(file.content, media_type=kind, headers=headers)

@@ -1,0 +1,209 @@
+"""Formats of text files: matches as CSV, OpenCV YAML, GeoJSON, and lists of poses."""
+
+import csv
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import poselib
+
+from nearfar.arrays import Coordinates
+from nearfar.errors import ExportError
+from nearfar.exports import EXPORTERS, Exporter, Subject
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.imaging.image import ImageInfo
+from nearfar.imaging.raster import tiff_header
+from nearfar.localization import Localization
+from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
+from nearfar.storage.locations import replaced
+
+
+@EXPORTERS.register("csv")
+class CsvExporter(Exporter):
+    """One row a match: far_x, far_y, near_x, near_y in pixels, inlier 1 or 0."""
+
+    file_name = "matches.csv"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`."""
+        points = subject.localization.points
+        with replaced(path) as out, out.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file)
+            table.writerow(["far_x", "far_y", "near_x", "near_y", "inlier"])
+            for far, near, inlier in zip(points.far, points.near, points.inliers, strict=True):
+                table.writerow([*far.tolist(), *near.tolist(), int(inlier)])
+        return [path]
+
+
+@EXPORTERS.register("opencv-yaml")
+class OpenCVExporter(Exporter):
+    """Everything that is a number, under the names of `Localization.to_dict`.
+
+    `homography`, `fundamental`, or `rotation` and `translation`; `footprint` (4x2);
+    `far_points` and `near_points` (Nx2) with `inliers` (Nx1, 0 or 1); `far_camera` and
+    `near_camera` (3x3) where they are known.
+    """
+
+    file_name = "localization.yaml"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`."""
+        # In memory, so that names with characters beyond ASCII are left to Python.
+        storage = cv2.FileStorage(".yaml", cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)
+        _write(storage, subject)
+        with replaced(path) as out:
+            out.write_text(storage.releaseAndGetString(), encoding="utf-8")
+        return [path]
+
+
+def _write(storage: cv2.FileStorage, subject: Subject) -> None:
+    found = subject.localization
+    storage.write("status", found.status)
+    storage.write("model", found.model)
+    storage.write("method", found.method)
+    storage.write("far_size", np.array([found.far.width, found.far.height]))
+    storage.write("near_size", np.array([found.near.width, found.near.height]))
+    if isinstance(found.far_from_near, RelativePose):
+        storage.write("rotation", _doubles(found.far_from_near.rotation))
+        storage.write("translation", _doubles(found.far_from_near.translation))
+    elif found.far_from_near is not None:
+        storage.write(found.model, _doubles(found.far_from_near))
+    for name, number in (
+        ("scale_change", found.scale_change),
+        ("confidence", found.confidence),
+    ):
+        if number is not None:
+            storage.write(name, float(number))
+    if found.footprint is not None:
+        storage.write("footprint", _doubles(found.footprint))
+    if subject.intrinsics is not None:
+        storage.write("far_camera", _doubles(subject.intrinsics.far.matrix))
+        storage.write("near_camera", _doubles(subject.intrinsics.near.matrix))
+    storage.write("far_points", _doubles(found.points.far))
+    storage.write("near_points", _doubles(found.points.near))
+    storage.write("inliers", found.points.inliers.astype(np.uint8))
+
+
+def _doubles(array: object) -> np.ndarray:
+    return np.ascontiguousarray(array, np.float64)
+
+
+@EXPORTERS.register("geojson")
+class GeoJsonExporter(Exporter):
+    """A feature collection of one polygon.
+
+    Its property `coordinates` says of what kind they are: "longitude latitude", WGS 84 in degrees,
+    where the far image is a GeoTIFF that has its place on the Earth, and else "far pixels".
+    """
+
+    file_name = "footprint.geojson"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`.
+
+        Raises:
+            ImageError: the far image is a GeoTIFF that is stored turned.
+            MissingExtraError: the far image is a GeoTIFF and the extra `geo` is not installed.
+        """
+        found = subject.localization
+        pixels = _outline(found)
+        on_earth = _on_earth(found)
+        corners = pixels if on_earth is None else on_earth
+        feature = {
+            "type": "Feature",
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [ring(np.asarray(corners, np.float64))],
+            },
+            "properties": {
+                "coordinates": "far pixels" if on_earth is None else "longitude latitude",
+                "far": _name(subject.far, found.far),
+                "near": _name(subject.near, found.near),
+                "confidence": found.confidence,
+                "scale_change": found.scale_change,
+            },
+        }
+        collection = {"type": "FeatureCollection", "features": [feature]}
+        with replaced(path) as out:
+            out.write_text(json.dumps(collection, allow_nan=False) + "\n", encoding="utf-8")
+        return [path]
+
+
+def _name(given: str | None, image: ImageInfo) -> str | None:
+    return given if given is not None or image.path is None else str(image.path)
+
+
+def _outline(found: Localization) -> Coordinates:
+    if found.footprint is not None:
+        return found.footprint
+    if not found.localized:
+        why = f"failed ({found.reason})"
+    elif found.model == "homography":
+        why = "has a horizon that crosses the near image"
+    else:
+        why = f"is a {found.model}"
+    raise ExportError(f"the localization {why}: an outline needs a homography (--model homography)")
+
+
+def _on_earth(found: Localization) -> WorldCoordinates | None:
+    """(4, 2) longitudes and latitudes; None where the far image does not tell its place."""
+    file = found.far.path
+    header = None if file is None else tiff_header(file)
+    if file is None or header is None or not header.georeferenced:
+        return None
+    size = found.near.width, found.near.height
+    place = geo_place(file, np.asarray(found.far_from_near), size)
+    seen = None if place is None else place.longitude_latitude
+    return None if seen is None else seen.footprint
+
+
+FAR_CAMERA = RelativePose(np.eye(3), np.zeros(3))
+"""In its own frame, which is the world of the list."""
+
+
+@EXPORTERS.register("kitti")
+class KittiExporter(Exporter):
+    """Two lines, the far and the near camera: 12 numbers, the rows of 3x4 `far_from_camera`."""
+
+    file_name = "poses-kitti.txt"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`."""
+        poses = (FAR_CAMERA, subject.pose)
+        rows = [np.column_stack([pose.rotation, pose.translation]).ravel() for pose in poses]
+        return _write_lines(path, rows)
+
+
+@EXPORTERS.register("tum")
+class TumExporter(Exporter):
+    """Two lines, the far camera at time 0 and the near one at time 1.
+
+    Time, centre in the far camera's frame, quaternion (x, y, z, w) of the rotation to that frame.
+    """
+
+    file_name = "poses-tum.txt"
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`."""
+        poses = (FAR_CAMERA, subject.pose)
+        rows = [
+            np.concatenate([[time], pose.translation, _quaternion(pose)])
+            for time, pose in enumerate(poses)
+        ]
+        return _write_lines(path, rows)
+
+
+def _quaternion(pose: RelativePose) -> np.ndarray:
+    """Of unit length: x, y, z, w."""
+    found = poselib.CameraPose()
+    found.R = pose.rotation
+    return np.roll(np.asarray(found.q, np.float64), -1)
+
+
+def _write_lines(path: Path, rows: Iterable[np.ndarray]) -> list[Path]:
+    text = "".join(" ".join(repr(float(value)) for value in row) + "\n" for row in rows)
+    with replaced(path) as out:
+        out.write_text(text, encoding="utf-8")
+    return [path]
