@@ -140,7 +140,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="is not a map"):
         open_map(tmp_path / "nothing")
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(MapError, match="choose another place"):
+    with pytest.raises(MapError, match="choose another folder"):
         open_map(tmp_path, create=True)
     made = open_map(tmp_path / "map", create=True)
     assert made.images == ()
@@ -161,7 +161,7 @@ def test_two_make_a_map_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         make(folder)
 
     monkeypatch.setattr("nearfar.maps.creation.make_tables", make_slowly)
-    with pytest.raises(MapError, match="is a map by now"):
+    with pytest.raises(MapError, match="has become a map meanwhile"):
         open_map(tmp_path / "map", create=True)
     assert open_map(tmp_path / "map").check() == []
     assert [file.name for file in tmp_path.iterdir()] == ["map"]

@@ -95,7 +95,7 @@ def test_a_server_without_conditional_writes_is_refused(
 
 def test_what_is_no_map_is_left_alone(bucket: Url) -> None:
     (bucket / "map" / "notes.txt").write_text("mine")
-    with pytest.raises(MapError, match="choose another place"):
+    with pytest.raises(MapError, match="choose another folder"):
         open_map(bucket / "map", create=True)
     assert [each.key for each in bucket.below()] == ["map/notes.txt"]
     (bucket / "begun" / "images.lance" / "left").write_text("by a killed process")
