@@ -85,19 +85,18 @@ def settings() -> str:
         "`max_size` is written `--max-size` on the command line.",
     ]
     for path, kind in _dataclasses("", Settings):
+        described = parse_from_object(kind)
         if path:
-            lines.append(f"\n## {path}\n\n{_plain(inspect.getdoc(kind) or '').splitlines()[0]}")
-        rows = []
-        texts = {each.arg_name: each.description or "" for each in parse_from_object(kind).params}
-        for field in dataclasses.fields(kind):
-            if path and _is_nested(field):
-                continue
+            lines.append(f"\n## {path}\n\n{_said(described)}")
+        texts = {each.arg_name: each.description or "" for each in described.params}
+        shown = [each for each in dataclasses.fields(kind) if not (path and _is_nested(each))]
+        if shown:
+            lines.append("\n| setting | type | default | what it is |\n|---|---|---|---|")
+        for field in shown:
             default = "see below" if _is_nested(field) else _default(field)
             cells = (_type(field.type), default, _plain(texts.get(field.name, "")))
             cell = " | ".join(each.replace("|", "\\|") for each in cells)
-            rows.append(f"| `{field.name}` | {cell} |")
-        if rows:
-            lines += ["\n| setting | type | default | what it is |\n|---|---|---|---|", *rows]
+            lines.append(f"| `{field.name}` | {cell} |")
     return "\n".join(lines)
 
 
@@ -162,7 +161,7 @@ def plugins() -> str:
     for registry in REGISTRIES:
         kind = protocol(registry)
         lines += [f"## {registry.kind.capitalize()}\n", f"{_said(parse(kind.__doc__ or ''))}\n"]
-        lines.append(f"Names: {', '.join(_families(registry.names()))}.\n")
+        lines.append(_names(registry.names()))
         for name, member in vars(kind).items():
             if not name.startswith("_") and callable(member):
                 lines.append(_method(name, member))
@@ -187,8 +186,8 @@ def protocol(registry: "Registry[Any]") -> type:
     return found
 
 
-def _families(names: list[str]) -> list[str]:
-    """Write names NETWORK-LAYER@SIZE as one for each network."""
+def _names(names: list[str]) -> str:
+    """Return names as a list, with one item for all names NETWORK-LAYER@SIZE of a network."""
     families: dict[str, tuple[dict[str, None], dict[str, None]]] = {}
     single = []
     for name in names:
@@ -197,12 +196,12 @@ def _families(names: list[str]) -> list[str]:
             layers[parts[2]] = sizes[parts[3]] = None
         else:
             single.append(f"`{name}`")
+    lines = [f"Names: {', '.join(single)}.\n"]
     for network, (layers, sizes) in families.items():
         ordered = sorted(sizes, key=int)
-        single.append(
-            f"`{network}-LAYER@SIZE` with LAYER {', '.join(layers)} and SIZE {', '.join(ordered)}"
-        )
-    return single
+        lines.append(f"- `{network}-LAYER@SIZE`. Layers: {', '.join(layers)}. ")
+        lines[-1] += f"Sizes in pixels: {', '.join(ordered)}."
+    return "\n".join(lines) + ("\n" if families else "")
 
 
 def _method(name: str, function: Any) -> str:

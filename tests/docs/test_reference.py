@@ -7,6 +7,7 @@ import pkgutil
 import re
 import tomllib
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from cyclopts import App
@@ -40,6 +41,15 @@ def command_names(of: App, path: str = "nearfar") -> Iterator[tuple[str, App]]:
             yield from command_names(of[name], f"{path} {name}")
 
 
+def setting_classes(path: str, settings: Any) -> Iterator[tuple[str, Any]]:
+    """The settings and the dataclasses in them, by their path."""
+    yield path, settings
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from setting_classes(f"{path}.{field.name}".strip("."), value)
+
+
 def test_committed_pages_are_the_generated_ones() -> None:
     committed = {file.name: page(file.name) for file in FOLDER.glob("*.md")}
     for name in WRITTEN:
@@ -65,9 +75,18 @@ def test_every_command_and_option_is_there() -> None:
 
 
 def test_every_setting_has_a_row_and_a_text() -> None:
-    rows = re.findall(r"^\| `(\w+)` \| .* \| (.+) \|$", page("settings.md"), re.MULTILINE)
-    assert {field.name for field in dataclasses.fields(Settings)} <= {name for name, _ in rows}
-    assert all(text.strip() for _, text in rows)
+    parts = re.split(r"^## (.+)\n", page("settings.md"), flags=re.MULTILINE)
+    sections = {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+    for path, kind in setting_classes("", Settings()):
+        rows = re.findall(r"^\| `(\w+)` \| .* \| (.+) \|$", sections.pop(path), re.MULTILINE)
+        plain = [
+            field.name
+            for field in dataclasses.fields(kind)
+            if not path or not dataclasses.is_dataclass(getattr(kind, field.name))
+        ]
+        assert [name for name, _ in rows] == plain
+        assert all(text.strip() for _, text in rows)
+    assert sections == {}
 
 
 def test_every_error_is_in_the_table_and_in_the_tree() -> None:

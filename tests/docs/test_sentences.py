@@ -12,7 +12,7 @@ from tests.docs.blocks import REPOSITORY, pages
 
 MEDIAN = 15
 LONGEST_IN_README = 30
-LONGEST_IN_PAGES = 80
+LONGEST_IN_PAGES = 30
 END = re.compile(r"(?<!e\.g\.)(?<!i\.e\.)(?<=[.!?])[\")]*\s+")
 """Between two sentences; a full stop inside a word or a number is none."""
 

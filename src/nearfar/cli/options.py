@@ -92,9 +92,9 @@ class WorldOptions:
     poses: Annotated[
         tuple[str, ...], Parameter(negative="", metavar="SOURCE=PATH", show_default=False)
     ] = ()
-    """Cameras and poses of IMAGES by a map source (nearfar list): colmap=FOLDER of a model,
-    kitti=FILE or tum=FILE with poses from the camera to the world, in the order of IMAGES or by
-    their names."""
+    """Cameras and poses of IMAGES, read by a map source (nearfar list): colmap=FOLDER of a model,
+    kitti=FILE or tum=FILE. Lists hold poses from the camera to the world, in the order of IMAGES or
+    by their names."""
 
     intrinsics: Path | None = None
     """For the map sources kitti and tum, the camera that took IMAGES: JSON file

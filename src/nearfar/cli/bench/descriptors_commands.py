@@ -122,11 +122,11 @@ def landmarks_command(
 ) -> None:
     """Measure how often descriptors find regions of the near image in the far one.
 
-    Used are the pairs of FOLDER that are related by a homography. Regions are proposals of the
-    near image that the far one shows. They are sought in two ways: among the proposals of the far
-    image, in eight rotations (boxes), and by feature maps at every place, scale and rotation
-    (dense; only descriptors that have such maps). Results go to OUT/landmarks.jsonl, plots to OUT;
-    a run that was stopped goes on where it was.
+    Only pairs of FOLDER that are related by a homography are used. Regions are proposals of the
+    near image that the far one shows. The search "boxes" compares them with the proposals of the
+    far image, in eight rotations. The search "dense" compares feature maps at every position, scale
+    and rotation, if the descriptor has such maps. Results go to OUT/landmarks.jsonl, plots to OUT.
+    A run that was stopped goes on where it was.
 
     Args:
         folder: Folder of image pairs, see `nearfar bench pairs`.

@@ -160,11 +160,11 @@ def scale_curve_command(
 ) -> None:
     """Measure success against total scale change on real images.
 
-    Base pairs are those of PAIRS that are related by a homography. Modes: pairs, as they are;
-    scale, the far image reduced and set into a scene of photographs of BACKGROUNDS; tilt, the far
-    image tilted by 45 to 70 degrees before that. Made far images go to OUT/cases, results to
-    OUT/scale_curve.jsonl, plots to OUT; a run that was stopped goes on where it was. S50 is the
-    scale change at which strict success falls to one half.
+    Base pairs are those of PAIRS that are related by a homography. The mode "pairs" takes them as
+    they are. The mode "scale" reduces the far image and sets it into a scene of photographs of
+    BACKGROUNDS. The mode "tilt" first tilts the far image by 45 to 70 degrees. Made far images go
+    to OUT/cases, results to OUT/scale_curve.jsonl, plots to OUT. A run that was stopped goes on
+    where it was. S50 is the scale change at which strict success falls to one half.
 
     Args:
         pairs: Folder of image pairs, each with a pair.json.
