@@ -89,10 +89,8 @@ class Url:
 
     def state(self) -> FileState:
         """Return size and time of the last change, which servers know to the second."""
-        import obstore
-
         with storage_errors(self):
-            return _state(obstore.head(_store(self.bucket), self.key))
+            return _state(_store(self.bucket).head(self.key))
 
     def is_file(self) -> bool:
         """Whether there is such a file."""
@@ -110,10 +108,8 @@ class Url:
 
     def below(self) -> Iterator["Url"]:
         """Yield all files in this folder and in folders below."""
-        import obstore
-
         with storage_errors(self):
-            for page in obstore.list(_store(self.bucket), f"{self.key}/" if self.key else None):
+            for page in _store(self.bucket).list(f"{self.key}/" if self.key else None):
                 for each in page:
                     yield Url(self.bucket, each["path"], _state(each))
 
@@ -123,18 +119,14 @@ class Url:
 
     def read_version(self) -> tuple[bytes, str]:
         """Return the content and the name of its version, for `replace_version`."""
-        import obstore
-
         with storage_errors(self):
-            found = obstore.get(_store(self.bucket), self.key)
+            found = _store(self.bucket).get(self.key)
             return bytes(found.bytes()), str(found.meta["e_tag"])
 
     def download(self, file: Path) -> None:
         """Copy the content to a file on a disk, part by part to save memory."""
-        import obstore
-
         with storage_errors(self):
-            found = obstore.get(_store(self.bucket), self.key)
+            found = _store(self.bucket).get(self.key)
             with file.open("wb") as copy:
                 for part in found.stream():
                     copy.write(part)
@@ -169,21 +161,18 @@ class Url:
 
     def unlink(self) -> None:
         """Remove the file if it exists."""
-        import obstore
-
         with storage_errors(self):
-            obstore.delete(_store(self.bucket), self.key)
+            _store(self.bucket).delete(self.key)
 
     def mkdir(self, *, parents: bool = True, exist_ok: bool = True) -> None:
         """Do nothing: folders in object storage need not be made."""
 
     def _put(self, content: bytes, mode: Any) -> None:
-        import obstore
         from obstore.exceptions import AlreadyExistsError, PreconditionError
 
         with storage_errors(self):
             try:
-                obstore.put(_store(self.bucket), self.key, content, mode=mode)
+                _store(self.bucket).put(self.key, content, mode=mode)
             except (AlreadyExistsError, PreconditionError):
                 raise FileExistsError(f"{self} exists") from None
 
