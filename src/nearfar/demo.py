@@ -1,4 +1,4 @@
-"""The demo: a photograph is looked for on a wall of photographs.
+"""The scene of the demo: a wall of photographs, and one of them as the near image.
 
 The photographs are real and ship inside scikit-image; the far image is composed from them (hung on
 a painted wall, seen from an angle, with a sensor's noise), so that the truth is known exactly.
@@ -29,11 +29,11 @@ from nearfar.runtime import require
 
 METHODS = ("adaptive", "sift", "paper", "objects")
 TOLERANCE = 3.0
-"""Largest mean error in far pixels of an answer that counts as right."""
+"""Largest mean error of a correct answer in far pixels."""
 
 _FAR_SIZE = (1200, 900)
 _FINE = 2
-"""Everything is painted at so many times the far image's resolution, then averaged down."""
+"""Resolution at which the scene is painted, relative to the far image."""
 
 _WALL_SIZE = (1600, 1200)
 _WALL_COLOUR = (214, 196, 172)
@@ -43,7 +43,7 @@ _MAT_COLOUR = (248, 246, 241)
 _FOCAL_LENGTH = 1500.0
 _DISTANCE = 1545.0
 _AIM = (-22, -30)
-"""What the camera looks at, in pixels from the wall's centre."""
+"""Point that the camera aims at, in pixels from the wall's centre."""
 _TURN = (3.0, -13.0, 1.2)
 """Rotation of the wall against the camera, as a vector in degrees."""
 
@@ -56,12 +56,12 @@ class Print:
     """A framed photograph on the wall.
 
     Attributes:
-        file: its name in scikit-image's data.
+        file: name of the photograph in scikit-image's data.
         x: left side of the frame in pixels right of the wall's centre.
-        y: its top in pixels below the wall's centre.
+        y: top of the frame in pixels below the wall's centre.
         width: width of the photograph in pixels of the wall.
         mat: width of the white mat around it.
-        frame: which of the frames it has.
+        frame: number of its frame colour.
         part: what of the photograph is printed: left, top, width and height in its pixels; None
             for all.
     """
@@ -75,7 +75,7 @@ class Print:
     part: tuple[int, int, int, int] | None = None
 
     def photograph(self) -> RGBPixels:
-        """(height, width, 3) what is printed, at full size.
+        """Return the printed part of the photograph, (height, width, 3), at full size.
 
         Raises:
             MissingExtraError: scikit-image is missing.
@@ -144,7 +144,7 @@ def make_scene() -> Scene:
 
 
 def true_scale_change(scene: Scene) -> float:
-    """The scale change over a grid of near points."""
+    """Return the true scale change over a grid of near points."""
     near = _grid(scene)
     change = scale_change(transform(scene.far_from_near, near), near)
     if change is None:
@@ -153,7 +153,7 @@ def true_scale_change(scene: Scene) -> float:
 
 
 def true_error(scene: Scene, localization: Localization) -> float:
-    """Mean distance between estimate and truth over a grid of near points, in far pixels.
+    """Return the mean distance of estimate and truth over a grid of near points, in far pixels.
 
     Infinite where there is no homography, or one that sends some of the points to infinity.
     """
@@ -166,7 +166,7 @@ def true_error(scene: Scene, localization: Localization) -> float:
 
 
 def _grid(scene: Scene) -> NDArray[np.float64]:
-    """(400, 2) near points, evenly spread from edge to edge."""
+    """Return (400, 2) near points, evenly spread from edge to edge."""
     height, width = scene.near.shape[:2]
     x, y = np.meshgrid(np.linspace(0, width - 1, 20), np.linspace(0, height - 1, 20))
     return np.column_stack([x.ravel(), y.ravel()])
@@ -178,7 +178,7 @@ def _photograph(file: str) -> RGBPixels:
 
 
 def _painted_wall() -> RGBPixels:
-    """A warm wall with an uneven coat of paint, lit from above, `_FINE` times as fine."""
+    """Paint a warm wall with an uneven coat, lit from above, `_FINE` times as fine."""
     width, height = (_FINE * side for side in _WALL_SIZE)
     random = np.random.default_rng(_SEED)
     coat = cv2.resize(
@@ -220,7 +220,7 @@ def _cast_shadow(wall: RGBPixels, left: int, top: int, width: int, height: int) 
 
 
 def _place(item: Print, photograph: RGBPixels) -> tuple[int, int, int, int]:
-    """Left, top, width and height of a printed photograph in pixels of the fine wall."""
+    """Return left, top, width and height of a printed photograph in pixels of the fine wall."""
     height, width = photograph.shape[:2]
     left = _WALL_SIZE[0] // 2 + item.x + item.mat + _FRAME_WIDTH
     top = _WALL_SIZE[1] // 2 + item.y + item.mat + _FRAME_WIDTH
@@ -229,14 +229,14 @@ def _place(item: Print, photograph: RGBPixels) -> tuple[int, int, int, int]:
 
 
 def _wall_from_photograph(item: Print, photograph: RGBPixels) -> Matrix3:
-    """Maps pixels of a photograph to pixels of the fine wall."""
+    """Return the map from pixels of a photograph to pixels of the fine wall."""
     left, top, width, height = _place(item, photograph)
     old_height, old_width = photograph.shape[:2]
     return translation(left, top) @ scaling(width / old_width, height / old_height)
 
 
 def _camera() -> Matrix3:
-    """Maps pixels of the fine wall to pixels of the fine far image.
+    """Return the map from pixels of the fine wall to pixels of the fine far image.
 
     The camera sees the wall from the side and a little from above.
     """
@@ -249,6 +249,6 @@ def _camera() -> Matrix3:
 
 
 def _exposed(seen: RGBPixels) -> RGBPixels:
-    """A little darker, with the noise of a sensor."""
+    """Return the image a little darker, with the noise of a sensor."""
     noise = np.random.default_rng(_SEED).normal(0, _NOISE, seen.shape)
     return np.clip(np.rint(seen * _GAIN + noise), 0, 255).astype(np.uint8)

@@ -41,15 +41,15 @@ NO_POINTS = PointMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool
 
 @dataclass(frozen=True, eq=False)
 class Localization:
-    """Where the near image lies in the far image, or why that was not found.
+    """Where the near image lies in the far image, or the reason why it was not found.
 
     All coordinates are pixels of the original images as displayed. The images themselves are not
     part of it; `read_images` reads them again.
 
     Attributes:
         status: "localized" or "failed".
-        reason: why it failed; None where it did not.
-        model: kind of model that was asked for.
+        reason: reason of the failure; None where it did not fail.
+        model: kind of the requested model.
         far_from_near: homography (maps near pixels to far pixels), fundamental matrix
             (x_farᵀ F x_near = 0) or relative pose; None where it failed.
         scale_change: median over all pairs of inliers of their distance in the near over that in
@@ -66,7 +66,7 @@ class Localization:
         landmarks: matched landmarks, boxes in pixels of the original images.
         seconds: wall time by stage.
         method: name of the method.
-        step: what a method with several steps found the answer with; None for the others.
+        step: step that found the answer; None for a method without several steps.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
         far: path and size of the far image.
         near: path and size of the near image.
@@ -165,7 +165,7 @@ class Localization:
             ) from None
 
     def to_json(self) -> str:
-        """`to_dict` as one line of JSON."""
+        """Return `to_dict` as one line of JSON."""
         return json.dumps(self.to_dict(), allow_nan=False)
 
     def _model_as_dict(self) -> dict[str, Any] | None:

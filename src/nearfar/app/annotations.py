@@ -1,4 +1,4 @@
-"""Annotations: corresponding points that a person has set."""
+"""Annotations: corresponding points that a person has marked."""
 
 import math
 import re
@@ -24,11 +24,11 @@ from nearfar.geometry.errors import symmetric_transfer_error, transfer_errors
 from nearfar.geometry.homography import normalized, scale_change
 
 LEAST = 4
-"""Points that determine a homography."""
+"""Number of points that determine a homography."""
 LEAST_SINGULAR = 1e-5
 """Ratio of singular values below which a system of equations counts as singular."""
 _ROWS = (3, 4, 3)
-"""Target places in each row of the near image."""
+"""Number of proposed points in each row of the near image."""
 
 _Pixel = Annotated[float, Field(ge=-100_000, le=1_000_000, allow_inf_nan=False)]
 Point = tuple[_Pixel, _Pixel]
@@ -43,7 +43,7 @@ class PointPair(Message):
 
     @property
     def complete(self) -> bool:
-        """Whether it is marked in both."""
+        """Whether the point is marked in both images."""
         return self.far is not None and self.near is not None
 
 
@@ -53,16 +53,16 @@ Model = Literal["homography", "fundamental"]
 
 @dataclass(frozen=True)
 class Agreement:
-    """What marked points say together.
+    """Comparison of all marked points with one homography.
 
     Attributes:
         homography: maps near to far pixels, by least squares; None where the points determine none.
-        far_errors: of each point pair, in far pixels; None for those not marked in both images.
-        near_errors: the same in near pixels.
-        ste: symmetric transfer error, the sum of all of them.
-        ste_of_ten: the same, scaled to ten points, as the paper reports it.
+        far_errors: error of each point pair in far pixels; None unless marked in both images.
+        near_errors: error of each point pair in near pixels; None unless marked in both images.
+        ste: symmetric transfer error, the sum of all far and near errors.
+        ste_of_ten: symmetric transfer error scaled to ten points, as the paper reports it.
         scale_change: median over all pairs of points; None for fewer than two.
-        reason: why there is no homography.
+        reason: reason why there is no homography.
     """
 
     homography: list[list[float]] | None
@@ -75,7 +75,7 @@ class Agreement:
 
 
 def arrays(points: tuple[PointPair, ...]) -> tuple[Coordinates, Coordinates]:
-    """(N, 2) far and near points of those that are marked in both images."""
+    """Return the (N, 2) far and near points that are marked in both images."""
     both = [(pair.far, pair.near) for pair in points if pair.far and pair.near]
     far = np.array([far for far, _ in both], np.float64).reshape(-1, 2)
     return far, np.array([near for _, near in both], np.float64).reshape(-1, 2)
@@ -113,7 +113,7 @@ def agreement(points: tuple[PointPair, ...]) -> Agreement:
 
 
 def fitted(far: Coordinates, near: Coordinates) -> Matrix3 | None:
-    """The homography that maps near to far points best, by least squares; None where none does."""
+    """Fit a homography from near to far points by least squares; None if it is undetermined."""
     if not _determine(far, near):
         return None
     found, _ = cv2.findHomography(near, far, 0)
@@ -142,7 +142,7 @@ def _determine(far: Coordinates, near: Coordinates) -> bool:
 
 
 def targets(width: int, height: int) -> list[Point]:
-    """Ten places spread evenly over the near image, in its pixels, as the paper asks for."""
+    """Return ten points spread evenly over the near image, in pixels, as in the paper."""
     places: list[Point] = []
     for row, count in enumerate(_ROWS):
         y = (row + 0.5) / len(_ROWS) * height - 0.5
@@ -167,13 +167,13 @@ class AnnotationRequest(Message):
 
 
 class AnnotationChange(Message):
-    """The whole of what a person has marked.
+    """All points that a person has marked.
 
     Attributes:
-        version: of the annotation that was changed.
-        name: of the pair.
-        model: what relates the images: "homography" for a flat scene.
-        points: marked so far, in pixels of the original images.
+        version: version of the annotation that was changed.
+        name: name of the pair.
+        model: model that relates the images, "homography" for a flat scene.
+        points: point pairs marked so far, in pixels of the original images.
     """
 
     version: int
@@ -189,15 +189,15 @@ class Annotation(Message):
         id: 16 hexadecimal digits.
         far: reference of the far image.
         near: reference of the near image.
-        far_name: to show.
-        near_name: to show.
-        far_size: width and height in pixels.
-        near_size: the same.
-        name: of the pair.
-        model: what relates the images.
-        points: in pixels of the original images.
-        version: counts changes.
-        changed: seconds since 1970.
+        far_name: name of the far image, to show.
+        near_name: name of the near image, to show.
+        far_size: width and height of the far image in pixels.
+        near_size: width and height of the near image in pixels.
+        name: name of the pair.
+        model: model that relates the images.
+        points: point pairs, in pixels of the original images.
+        version: number of changes so far.
+        changed: time of the last change, seconds since 1970.
     """
 
     id: str
@@ -219,7 +219,7 @@ class AnnotationStore:
 
     Args:
         folder: made where missing.
-        most: annotations that are kept.
+        most: largest number of annotations.
     """
 
     def __init__(self, folder: Path, most: int) -> None:
@@ -229,11 +229,11 @@ class AnnotationStore:
         self._all = {each.id: each for each in _read_all(folder)}
 
     def all(self) -> list[Annotation]:
-        """The one that was changed last first."""
+        """Return all annotations, the one changed last first."""
         return sorted(self._all.values(), key=lambda each: -each.changed)
 
     def get(self, annotation_id: str) -> Annotation:
-        """An annotation.
+        """Return an annotation.
 
         Raises:
             NotFoundError: there is none.
@@ -245,7 +245,7 @@ class AnnotationStore:
     def create(
         self, request: AnnotationRequest, names: tuple[str, str], sizes: tuple[Size, Size]
     ) -> Annotation:
-        """A new one without points.
+        """Create an annotation without points.
 
         Raises:
             StoreFullError: there are too many.
@@ -301,7 +301,7 @@ class AnnotationStore:
 
 
 def safe_name(name: str) -> str:
-    """A name that can be that of a folder on any system."""
+    """Return the name with characters only that folders on any system may have."""
     return re.sub(r"[^\w-]+", "_", name).strip("_")[:80] or "pair"
 
 

@@ -1,4 +1,4 @@
-"""What the app is started with."""
+"""Options and limits with which the app is started."""
 
 import ipaddress
 import os
@@ -10,20 +10,20 @@ MEGABYTE = 1_000_000
 
 @dataclass(frozen=True)
 class Limits:
-    """What keeps memory, disk and time bounded, whatever is sent.
+    """Bounds of memory, disk space and time, which hold for all requests together.
 
     Attributes:
-        upload_bytes: of one image that is sent.
-        body_bytes: of any other request.
-        stored_bytes: of all images that were sent and are kept.
-        pixels: of an image.
-        requests: that are served at a time.
-        uploads: that are received at a time.
-        waiting_jobs: in the queue.
-        kept_jobs: that are remembered; the oldest that has ended makes room.
-        annotations: that are remembered.
-        job_seconds: after which a job is ended.
-        stall_seconds: without a byte after which an upload is given up.
+        upload_bytes: largest size of one image that is sent.
+        body_bytes: largest size of any other request.
+        stored_bytes: largest size of all images that were sent and are kept.
+        pixels: largest number of pixels of an image.
+        requests: number of requests that are served at a time.
+        uploads: number of images that are received at a time.
+        waiting_jobs: largest number of jobs in the queue.
+        kept_jobs: number of jobs that are kept; the oldest that has ended makes room.
+        annotations: largest number of annotations.
+        job_seconds: longest time of a job.
+        stall_seconds: longest time without a byte before an upload is given up.
     """
 
     upload_bytes: int = 200 * MEGABYTE
@@ -41,14 +41,14 @@ class Limits:
 
 @dataclass(frozen=True)
 class Configuration:
-    """What the app is started with.
+    """Options with which the app is started.
 
     Attributes:
-        folders: whose images, maps and results may be opened.
+        folders: folders whose images, maps and results may be opened.
         data: folder in which the app keeps what was sent to it, jobs and annotations.
         host: address to listen at.
-        token: that every request must bring; None: none is needed.
-        limits: see there.
+        token: the token that every request must bring; None where none is needed.
+        limits: bounds of memory, disk and time.
     """
 
     folders: tuple[Path, ...]
@@ -74,7 +74,7 @@ def is_loopback(host: str) -> bool:
 
 
 def default_data() -> Path:
-    """$NEARFAR_APP_DATA, or the system's folder for a user's data."""
+    """Return $NEARFAR_APP_DATA, or the system's folder for a user's data."""
     import platformdirs
 
     named = os.environ.get("NEARFAR_APP_DATA")

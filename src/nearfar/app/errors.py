@@ -1,4 +1,4 @@
-"""What the app refuses, in words of its own; `server.STATUSES` gives each kind its HTTP status.
+"""Errors of the app, which know nothing of HTTP: `server.STATUSES` maps them to statuses.
 
 NearfarError
 └── AppError
@@ -17,7 +17,7 @@ from nearfar.errors import NearfarError
 
 
 class AppError(NearfarError):
-    """Base of what the app refuses; its message names no folder of this machine."""
+    """Base class of the errors of the app; the message names no folder of this machine."""
 
 
 class NotFoundError(AppError):

@@ -30,12 +30,12 @@ class Images:
 
 
 def pair_json(annotation: Annotation, far: str, near: str) -> str:
-    """The content of `pair.json`.
+    """Return the content of `pair.json`.
 
     Args:
-        annotation: with points enough for its model.
+        annotation: an annotation with enough points for its model.
         far: path of the far image relative to the folder of the file.
-        near: the same of the near image.
+        near: path of the near image relative to the folder of the file.
 
     Raises:
         ConflictError: there are too few points.
@@ -96,9 +96,9 @@ def add_to_benchmark(
     Images that lie in the folder are named where they are; others are copied beside the file.
 
     Args:
-        annotation: with points enough.
+        annotation: an annotation with enough points.
         images: its images.
-        folder: of the benchmark.
+        folder: folder of the benchmark.
         replace: whether a pair of that name may be replaced.
 
     Returns:
@@ -136,7 +136,7 @@ def add_to_benchmark(
 
 
 def checked_points(annotation: Annotation) -> tuple[Coordinates, Coordinates]:
-    """(N, 2) far and near points.
+    """Return the (N, 2) far and near points that are marked in both images.
 
     Raises:
         ConflictError: there are too few for the model.
@@ -151,7 +151,7 @@ def checked_points(annotation: Annotation) -> tuple[Coordinates, Coordinates]:
 
 
 def _suffix(file: Path) -> str:
-    """Of the format that the content of an image is in."""
+    """Return the file suffix for the format in which an image is stored."""
     from PIL import Image as PillowImage
 
     with quiet_pillow(), PillowImage.open(file, formats=FORMATS) as opened:

@@ -1,4 +1,4 @@
-"""Files that the app serves and takes."""
+"""Files that the app writes, and images that are sent to it."""
 
 import asyncio
 import hashlib
@@ -39,7 +39,7 @@ def copy_whole(source: Path, file: Path) -> None:
 
 @contextmanager
 def _replaced(file: Path) -> Iterator[BinaryIO]:
-    """A file to write, which takes the place of another at the end."""
+    """Open a file to write, which replaces another one at the end."""
     file.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=".incomplete-")
     try:
@@ -63,7 +63,7 @@ class Upload:
 
     Attributes:
         digest: SHA-256 of the file.
-        name: that it had with the sender, to show.
+        name: name that the sender gave, to show.
     """
 
     digest: str
@@ -75,10 +75,10 @@ class Uploads:
 
     Args:
         folder: made where missing.
-        limits: of one upload and of all.
+        limits: bounds of one upload and of all uploads.
 
     Attributes:
-        folder: the same, as an absolute path.
+        folder: absolute path of the folder.
     """
 
     def __init__(self, folder: Path, limits: Limits) -> None:
@@ -91,7 +91,7 @@ class Uploads:
         self._stored = sum(file.stat().st_size for file in folder.iterdir())
 
     def file(self, digest: str) -> Path:
-        """The file of an upload.
+        """Return the file of an upload.
 
         Raises:
             NotFoundError: it is none.
@@ -101,7 +101,7 @@ class Uploads:
         return self.folder / digest
 
     def name(self, digest: str) -> str:
-        """What the sender called it."""
+        """Return the name that the sender gave the image."""
         try:
             text = self.file(digest).with_suffix(".json").read_text(encoding="utf-8")
             return str(json.loads(text)["name"])
@@ -176,6 +176,6 @@ class Uploads:
 
 
 def shown_name(name: str) -> str:
-    """A file's name without its folders and without what cannot be printed."""
+    """Return the name of a file without its folders and unprintable characters."""
     last = re.split(r"[/\\]", name)[-1]
     return "".join(letter for letter in last if letter.isprintable())[:_LONGEST_NAME] or "image"

@@ -27,7 +27,7 @@ _OF_A_ROW = (
     "reason", "model", "far_from_near", "scale_change", "confidence", "log10_nfa",
     "method", "step", "descriptor",
 )  # fmt: skip
-"""What `Localization.to_dict` and a row of results have in common, besides the status."""
+"""Parts that `Localization.to_dict` and a row of results have in common."""
 
 
 def kept_localization(content: Any) -> Localization:
@@ -69,7 +69,7 @@ class KeptAnswer:
     Attributes:
         localization: the answer, without its matches.
         matches: file of its matched points; None where they were not kept.
-        names: of the images in files that name them.
+        names: names of the images in files that name them.
     """
 
     localization: Localization
@@ -89,7 +89,7 @@ def write_matches(file: Path, points: PointMatches) -> None:
 
 
 def read_matches(file: Path) -> PointMatches:
-    """The matched points that were kept.
+    """Read the matched points that were kept.
 
     Raises:
         ExportError: there are none.
@@ -104,7 +104,7 @@ def read_matches(file: Path) -> PointMatches:
 
 
 SECONDS = 60.0
-"""After which an export is given up."""
+"""Longest time of an export in seconds."""
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,11 @@ class Download:
 
 
 class Formats:
-    """Writes answers, one at a time, into folders that are gone afterwards.
+    """Writes answers, one at a time, into temporary folders.
 
     Args:
-        library: whose files are named without their places on this machine.
-        max_pixels: of an image.
+        library: the served folders, whose paths no message shows.
+        max_pixels: largest number of pixels of an image.
     """
 
     def __init__(self, library: Library, max_pixels: int) -> None:
@@ -130,7 +130,7 @@ class Formats:
         self._lock = asyncio.Lock()
 
     async def offered(self, answer: KeptAnswer) -> list[Outcome]:
-        """All formats; whether one can be written is found by writing it, with blank images.
+        """Try all formats by writing the answer with blank images.
 
         Raises:
             BusyError: another export is under way.
@@ -141,7 +141,7 @@ class Formats:
             return await self._written(answer, "blank", (), Path(folder))
 
     async def download(self, answer: KeptAnswer, formats: Sequence[str]) -> Download:
-        """The file of one format, or a ZIP archive of several files.
+        """Write the answer; return the file of one format, or a ZIP archive of several files.
 
         Raises:
             BusyError: another export is under way.
@@ -193,7 +193,7 @@ class Formats:
         ]
 
     def _said(self, text: str, answer: KeptAnswer) -> str:
-        """A message that calls files by the names that a person knows."""
+        """Return a message with the names of files that a person knows."""
         found, names = answer.localization, answer.names
         for file, name in ((found.far.path, names.far), (found.near.path, names.near)):
             text = text.replace(str(file), name)
@@ -201,7 +201,7 @@ class Formats:
 
 
 def image_names(library: Library, far: str, near: str) -> ImageNames:
-    """What images are called in exports, by their references.
+    """Return the names of two images in exported files, by their references.
 
     Their paths relative to the deepest folder that holds both, where one served folder does, else
     the names of their files.

@@ -1,4 +1,4 @@
-"""What is checked of every request before anything else sees it."""
+"""Checks of every request, before any other part of the app sees it."""
 
 import secrets
 from http.cookies import CookieError, SimpleCookie
@@ -13,7 +13,7 @@ from nearfar.app.configuration import Configuration, is_loopback
 
 COOKIE = "nearfar-token"
 UPLOADS = "/api/images"
-"""Where images are sent to, which may be large."""
+"""Path to which images are sent, which may be large."""
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -29,10 +29,10 @@ HEADERS = {
 
 
 class Guard:
-    """Refuses requests of other sites, without the token, or too many or too large ones.
+    """Refuses requests from other sites, without the token, too many or too large.
 
     Args:
-        app: what answers the others.
+        app: the app that answers all other requests.
         configuration: host, token and limits.
     """
 
@@ -85,7 +85,7 @@ class Guard:
         return None
 
     def _entrance(self, scope: Scope, headers: Headers) -> Response | None:
-        """Nothing for those who have the token; for others a refusal, or the cookie with it."""
+        """Return None for a request with the token, else a refusal or the cookie with the token."""
         token = self._configuration.token
         if token is None or any(_equal(given, token) for given in _given(headers)):
             return None
@@ -130,7 +130,7 @@ def _same_origin(headers: Headers, path: str) -> bool:
 
 
 def _given(headers: Headers) -> list[str]:
-    """Tokens that a request brings."""
+    """Return the tokens that a request brings."""
     given = []
     scheme, _, value = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":

@@ -1,4 +1,4 @@
-"""Jobs on disk, so that they outlive a reload of the page and an end of the server."""
+"""Jobs on disk, which outlive a reload of the page and a restart of the server."""
 
 import json
 import re
@@ -42,10 +42,10 @@ class LocateRequest(Message):
     """Locate an image in a map; both are given by reference.
 
     Attributes:
-        folder: of the map.
+        folder: reference of the map's folder.
         query: the image.
         top: answers that are sought.
-        candidates: how many candidates are verified.
+        candidates: number of candidates to verify geometrically.
     """
 
     kind: Literal["locate"] = "locate"
@@ -62,9 +62,9 @@ class StepProgress(Message):
     """The best that a step of the method has found so far.
 
     Attributes:
-        name: of the step.
-        matches: that it had.
-        agreeing: matches that agree with its model.
+        name: name of the step.
+        matches: number of matches that it had.
+        agreeing: number of matches that agree with its model.
     """
 
     name: str
@@ -73,20 +73,20 @@ class StepProgress(Message):
 
 
 class Job(Message):
-    """A job and how it stands.
+    """A job and its progress.
 
     Attributes:
         id: 16 hexadecimal digits.
-        request: what is to be done.
-        names: of the images and the map, to show.
+        request: the work to do.
+        names: names of the images and the map, to show.
         status: "interrupted": the server ended before the job did.
-        created: seconds since 1970.
-        started: the same.
-        ended: the same.
-        stage: what is being done.
-        stages: what has been begun, in that order.
-        steps: what has been tried, in that order.
-        error: why it failed; a pair that is not found is no failure.
+        created: time of the request, seconds since 1970.
+        started: start of the work, seconds since 1970.
+        ended: end of the work, seconds since 1970.
+        stage: the stage that runs now.
+        stages: the stages that have begun, in order.
+        steps: the steps that have been tried, in order.
+        error: reason of a failure; a pair that is not found is no failure.
         summary: the answer in a few words.
         found: whether the answer is a place.
     """
@@ -107,11 +107,11 @@ class Job(Message):
 
     @property
     def active(self) -> bool:
-        """Whether it waits or runs."""
+        """Whether the job waits or runs."""
         return self.status in ("waiting", "running")
 
     def with_(self, **changes: Any) -> "Job":
-        """A copy with some values changed."""
+        """Return a copy with some values changed."""
         return self.model_copy(update=changes)
 
 
@@ -120,7 +120,7 @@ class JobStore:
 
     Args:
         folder: made where missing; jobs that were waiting or running are interrupted now.
-        most: jobs that are kept.
+        most: largest number of jobs that are kept.
     """
 
     def __init__(self, folder: Path, most: int) -> None:
@@ -134,11 +134,11 @@ class JobStore:
                 self.save(job.with_(status="interrupted", ended=time.time(), stage=None))
 
     def all(self) -> list[Job]:
-        """The newest first."""
+        """Return all jobs, the newest first."""
         return sorted(self._jobs.values(), key=lambda job: -job.created)
 
     def get(self, job_id: str) -> Job:
-        """A job.
+        """Return a job.
 
         Raises:
             NotFoundError: there is none.
@@ -148,7 +148,7 @@ class JobStore:
         return self._jobs[job_id]
 
     def create(self, request: LocalizeRequest | LocateRequest, names: Iterable[str]) -> Job:
-        """A new job that waits."""
+        """Create a job that waits."""
         self._make_room()
         job = Job(id=secrets.token_hex(8), request=request, names=tuple(names), created=time.time())
         self.save(job)
@@ -168,15 +168,15 @@ class JobStore:
         self._jobs[job.id] = job
 
     def result_file(self, job: Job) -> Path:
-        """Where its answer is."""
+        """Return the file of the answer of a job."""
         return self._folder / job.id / "result.json"
 
     def matches_file(self, job: Job) -> Path:
-        """Where all matched points of its answer are."""
+        """Return the file of all matched points of the answer of a job."""
         return self._folder / job.id / "matches.npz"
 
     def result(self, job_id: str) -> dict[str, Any]:
-        """The answer of a job.
+        """Return the answer of a job.
 
         Raises:
             NotFoundError: there is no such job, or no answer of it.

@@ -1,4 +1,4 @@
-"""Names for the files that the app may open, and nothing else.
+"""References: names for the files that the app may open.
 
 A reference is `folder/KEY/PATH`, a file in a folder that the app was started with, or
 `upload/SHA256`, an image that was sent to it. Requests name files by references only. KEY tells the
@@ -21,9 +21,9 @@ from nearfar.maps.manifest import FILE as MAP_FILE
 from nearfar.storage.locations import is_text
 
 MOST_ENTRIES = 2000
-"""Entries of a folder that are listed."""
+"""Largest number of entries of a folder that are listed."""
 MOST_SEARCHED = 20_000
-"""Entries that are looked at for maps or results in all folders."""
+"""Largest number of entries that are searched for maps or results, in all folders."""
 
 FolderKind = Literal["folder", "map", "run"]
 _SEPARATORS = {"\0", "\\", ":"} if os.name == "nt" else {"\0"}
@@ -34,8 +34,8 @@ class Folder:
     """A folder that can be opened.
 
     Attributes:
-        ref: its reference.
-        name: to show.
+        ref: reference of the folder.
+        name: name to show.
         kind: "map" and "run" (results of a benchmark) are recognized by the files in them.
     """
 
@@ -57,10 +57,10 @@ class Listing:
     """What is in a folder.
 
     Attributes:
-        ref: of the folder; empty for the list of all served folders.
+        ref: reference of the folder; empty for the list of all served folders.
         parents: the folders above it, outermost first, and itself.
-        folders: in it.
-        images: in it.
+        folders: the folders in it.
+        images: the images in it.
         complete: False where there are more entries than are listed.
     """
 
@@ -75,7 +75,7 @@ class Library:
     """The folders that the app was started with, and the uploads.
 
     Args:
-        folders: the folders.
+        folders: the served folders.
         uploads: the images that were sent.
     """
 
@@ -91,7 +91,7 @@ class Library:
         return tuple(self._roots.values())
 
     def file(self, ref: str) -> Path:
-        """The file of a reference.
+        """Return the file of a reference.
 
         Raises:
             NotFoundError: there is none, or it lies outside the served folders.
@@ -102,7 +102,7 @@ class Library:
         return path
 
     def folder(self, ref: str) -> Path:
-        """The folder of a reference.
+        """Return the folder of a reference.
 
         Raises:
             NotFoundError: there is none, or it lies outside the served folders.
@@ -113,14 +113,14 @@ class Library:
         return path
 
     def name(self, ref: str) -> str:
-        """What to call a file."""
+        """Return the name of a file to show."""
         kind, _, rest = ref.partition("/")
         if kind == "upload":
             return self._uploads.name(rest)
         return rest.rpartition("/")[2] if "/" in rest else self._parents(ref)[0].name
 
     def reference(self, path: Path) -> str | None:
-        """The reference of a file or folder; None where it lies outside the served folders."""
+        """Return the reference of a file or folder; None outside the served folders."""
         try:
             resolved = path.resolve()
         except (OSError, RuntimeError, ValueError):
@@ -131,13 +131,13 @@ class Library:
         return None
 
     def without_places(self, text: str) -> str:
-        """A message without the folders of this machine that stand in it."""
+        """Return a message without the folders of this machine in it."""
         for folder in (*self._roots.values(), self._uploads.folder):
             text = text.replace(f"{folder}/", "").replace(str(folder), _root_name(folder))
         return text
 
     def listing(self, ref: str) -> Listing:
-        """What is in a folder; for an empty reference the served folders.
+        """List a folder; for an empty reference list the served folders.
 
         Raises:
             NotFoundError: there is no such folder.
@@ -161,7 +161,7 @@ class Library:
         return Listing(ref, self._parents(ref), tuple(folders), tuple(images), complete)
 
     def find(self, kind: FolderKind) -> list[Folder]:
-        """All folders of a kind in the served folders, as far as those are searched."""
+        """Return all folders of a kind among the first `MOST_SEARCHED` entries."""
         found, left = [], MOST_SEARCHED
         for root in self._roots.values():
             waiting = [root]

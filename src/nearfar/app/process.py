@@ -123,7 +123,7 @@ class AttemptReport(Message):
 
 
 class Outcome(Message):
-    """What became of one format of an export.
+    """Outcome of one format of an export.
 
     Attributes:
         format: name of the format.
@@ -145,7 +145,7 @@ class Ended(Message):
         error: what was wrong with it; None where it was done.
         summary: the answer in a few words.
         found: whether the answer is a place.
-        outcomes: what became of each format of an export.
+        outcomes: one for each format of an export.
     """
 
     kind: Literal["ended"] = "ended"
@@ -160,7 +160,7 @@ REPORT: TypeAdapter[Report] = TypeAdapter(Annotated[Report, Field(discriminator=
 
 
 _LONGEST_REPORT = 1_000_000
-"""Bytes of one report."""
+"""Largest size of one report in bytes."""
 
 
 class WorkerProcess:

@@ -16,7 +16,7 @@ from nearfar.imaging.tiles import Tile
 from nearfar.render.draw import rendered
 
 LONGEST = 6000
-"""Longest side of a picture to look at, in pixels."""
+"""Longest side of a picture to show, in pixels."""
 THUMBNAIL = 320
 LARGEST_FRAME = 3000
 """Longest side of a frame into which an image is warped."""
@@ -27,13 +27,13 @@ _Key = tuple[str, int, int]
 
 
 class Renditions:
-    """Pictures of image files; the last are remembered.
+    """Pictures of image files; the latest ones are kept.
 
     One thread makes one at a time: memory that each of many threads once used would not be given
     back.
 
     Args:
-        limits: the most pixels of an image.
+        limits: bounds, among them the pixels of an image.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -45,7 +45,7 @@ class Renditions:
         self._encoded: LRUCache[tuple[_Key, int], bytes] = LRUCache(_ENCODED_BYTES, len)
 
     def size(self, file: Path) -> tuple[int, int]:
-        """Width and height of an image as displayed, in pixels.
+        """Return width and height of an image as displayed, in pixels.
 
         Raises:
             ImageError: it cannot be read, or has too many pixels.
@@ -54,7 +54,7 @@ class Renditions:
         return info.width, info.height
 
     def info(self, file: Path) -> ImageInfo:
-        """Path and size of an image; it is taken to be localized at its original size.
+        """Return path and size of an image, as if it was localized at its original size.
 
         Raises:
             ImageError: it cannot be read, or has too many pixels.
@@ -63,7 +63,7 @@ class Renditions:
         return ImageInfo(file, image.width, image.height, (image.width, image.height))
 
     def jpeg(self, file: Path, longest: int) -> bytes:
-        """The image reduced so that neither side exceeds `longest`.
+        """Return the image as JPEG, reduced so that neither side exceeds `longest`.
 
         Raises:
             ImageError: it cannot be read, or has too many pixels.
@@ -71,13 +71,13 @@ class Renditions:
         return self._thread.submit(self._jpeg, file, longest).result()
 
     def warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
-        """The image in a frame of another, transparent where it is not, as WebP.
+        """Warp the image into the frame of another; return WebP, transparent outside the image.
 
         Args:
             file: the image.
             frame_from_image: homography, pixels of the original image to pixels of the frame.
-            width: of the frame.
-            height: of the frame.
+            width: width of the frame in pixels.
+            height: height of the frame in pixels.
 
         Raises:
             ImageError: it cannot be read, or has too many pixels.
@@ -85,7 +85,7 @@ class Renditions:
         return self._thread.submit(self._warped, file, frame_from_image, width, height).result()
 
     def png(self, file: Path) -> bytes:
-        """The whole image as displayed, without loss.
+        """Return the whole image as displayed, as PNG.
 
         Raises:
             ImageError: it cannot be read, or has too many pixels.
@@ -115,7 +115,7 @@ class Renditions:
         return _encoded(PillowImage.fromarray(image.pixels), "PNG")
 
     def _image(self, file: Path) -> Image:
-        """The image reduced to the size at which it is looked at."""
+        """Return the image, reduced to the size at which it is shown."""
         key = _key(file)
         known = self._images.get(key)
         if known is not None:

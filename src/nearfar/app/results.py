@@ -1,4 +1,4 @@
-"""Results as the pages show them."""
+"""Answers of the worker as the pages show them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,11 +14,11 @@ from nearfar.maps.answers import MapAnswer, MapLocalization
 from nearfar.settings import Settings
 
 _FEW = 8
-"""Matches below which there is nothing to judge."""
+"""Number of matches below which there is nothing to judge."""
 
 
 def explanation(found: Localization, settings: Settings) -> str | None:
-    """What a person can make of a failure; None where there is none."""
+    """Explain a failure in plain words; return None for a success."""
     if found.localized:
         return None
     matches = len(found.points)
@@ -58,7 +58,7 @@ def explanation(found: Localization, settings: Settings) -> str | None:
 
 
 MOST_MATCHES = 3000
-"""Matches of a step that are shown; inliers come first."""
+"""Number of matches of a step that are shown; inliers come first."""
 MOST_LANDMARKS = 200
 
 Json = dict[str, Any]
@@ -69,7 +69,7 @@ class Step:
     """The best that a step of a method found.
 
     Attributes:
-        name: of the step.
+        name: name of the step.
         far: (N, 2) pixels of the far working image.
         near: (N, 2) pixels of the near working image.
         inliers: (N,) which matches agree with the model.
@@ -116,7 +116,7 @@ class Steps:
 
 
 def localization_result(found: Localization, steps: Mapping[str, Step], settings: Settings) -> Json:
-    """The answer for a pair, with the matches of each step in pixels of the original images."""
+    """Return the answer for a pair, with the matches of each step, in pixels of the originals."""
     shown = {
         step.name: _matches(
             step.name,
@@ -152,11 +152,11 @@ def localization_result(found: Localization, steps: Mapping[str, Step], settings
 
 
 def map_result(found: MapLocalization, files: Mapping[str, str]) -> Json:
-    """The answer for a query in a map.
+    """Return the answer for a query in a map.
 
     Args:
         found: the answer.
-        files: paths of the map's images by name.
+        files: image name -> path, for the images of the map.
     """
     return found.to_dict() | {
         "answers": [_map_answer(answer, files[answer.image]) for answer in found.answers]

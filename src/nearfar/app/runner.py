@@ -1,4 +1,4 @@
-"""Doing jobs one after the other, in a process of their own."""
+"""The queue of jobs, which a worker process does one after the other."""
 
 import asyncio
 import contextlib
@@ -20,10 +20,10 @@ class Runner:
     """A queue of jobs and the worker process.
 
     Args:
-        store: of the jobs.
-        task_of: what the worker is told of a job.
-        say: turns the text of an error into one to show.
-        limits: of the queue and of a job's time.
+        store: the jobs.
+        task_of: returns the task for the worker of a job.
+        say: turns the text of an error into a text to show.
+        limits: bounds of the queue and of a job's time.
     """
 
     def __init__(self, store: JobStore, task_of: TaskOf, say: Say, limits: Limits) -> None:

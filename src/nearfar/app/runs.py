@@ -14,7 +14,7 @@ from nearfar.app.renditions import Renditions
 from nearfar.bench.results import Result, load_benchmarks, load_record
 
 LARGEST = 200 * MEGABYTE
-"""Bytes of result files that are read."""
+"""Largest size of all result files of a folder in bytes."""
 MOST_ROWS = 20_000
 
 
@@ -25,24 +25,24 @@ class RunRow:
     Attributes:
         benchmark: name of the benchmark.
         case: name of the case.
-        group: what results are summed up by.
-        method: with its descriptor.
+        group: group of cases that results are summed up by.
+        method: name of the method, with its descriptor.
         model: kind of model.
         status: "localized", "failed" or "error".
-        right: whether the answer is right by the strict limit.
-        error: in pixels, or degrees of a pose.
-        confidence: of the answer.
-        scale_change: the estimate's.
-        true_scale_change: of the case.
-        inliers: matches that agree.
-        matches: point matches.
-        seconds: in all.
-        reason: why there is no answer.
-        step: what found the answer.
+        right: whether the answer is correct by the strict limit.
+        error: error in pixels, or degrees for a pose.
+        confidence: calibrated confidence of the answer.
+        scale_change: scale change of the estimate.
+        true_scale_change: scale change of the case.
+        inliers: number of matches that agree with the model.
+        matches: number of point matches.
+        seconds: total time.
+        reason: reason of a failure.
+        step: step that found the answer.
         far: reference of the far image; None where it is not in a served folder.
-        near: the same of the near image.
+        near: reference of the near image; None where it is not in a served folder.
         homography: maps near to far pixels; None for other models.
-        licence: of the images.
+        licence: licence of the images.
     """
 
     benchmark: str
@@ -69,15 +69,15 @@ class RunRow:
 
 @dataclass(frozen=True)
 class Run:
-    """The results in a folder.
+    """Results of benchmarks in one folder.
 
     Attributes:
-        name: of the folder.
-        commands: that wrote them.
-        version: of nearfar.
-        rows: failures first.
+        name: name of the folder.
+        commands: the commands that wrote the results.
+        version: version of nearfar that wrote them.
+        rows: all rows, failures first.
         complete: False where there are more rows than are shown.
-        skipped: lines that could not be read.
+        skipped: number of lines that could not be read.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Run:
 
 
 def read_run(folder: Path, library: Library) -> Run:
-    """The results in a folder.
+    """Return the results in a folder.
 
     Raises:
         BenchmarkError: there are none.
@@ -106,15 +106,15 @@ def read_run(folder: Path, library: Library) -> Run:
 def kept_row(
     folder: Path, library: Library, renditions: Renditions, index: int, case: str, method: str
 ) -> KeptAnswer:
-    """The answer in a row of `read_run`.
+    """Return the answer in a row of `read_run`.
 
     Args:
-        folder: of results.
-        library: in which its images are.
-        renditions: which know the sizes of images.
-        index: of the row.
-        case: that the row has.
-        method: that the row has.
+        folder: folder of results.
+        library: the served folders, among them that of the images.
+        renditions: the images, for their sizes.
+        index: number of the row.
+        case: name of the case that the row must have.
+        method: name of the method that the row must have.
 
     Raises:
         BenchmarkError: there are no results.
@@ -137,7 +137,7 @@ def kept_row(
 
 
 def _results(folder: Path) -> tuple[list[tuple[str, Result]], int]:
-    """Results with the names of their benchmarks, wrong ones first; how many lines are damaged."""
+    """Return results with their benchmarks, incorrect ones first; count the damaged lines."""
     for file in (*folder.glob("*.jsonl"), *folder.glob("run.json")):
         if file.is_symlink():
             raise ConflictError(f"{file.name} is a link, which the app does not follow")
@@ -176,7 +176,7 @@ def _row(benchmark: str, result: Result, folder: Path, library: Library) -> RunR
 
 
 def _reference(path: Path | None, folder: Path, library: Library) -> str | None:
-    """Of an image that a row names, relative to this folder, the results, or what holds them."""
+    """Return the reference of an image that a row names, relative to one of three folders."""
     if path is None:
         return None
     for place in (path, folder / path, folder.parent / path):

@@ -1,4 +1,4 @@
-"""The web server."""
+"""The web server: routes, statuses of errors, and the socket."""
 
 import asyncio
 import contextlib
@@ -47,7 +47,7 @@ _REVALIDATED = {"Cache-Control": "no-cache"}
 
 
 def create_app(configuration: Configuration) -> FastAPI:
-    """The app, which opens its data when it starts."""
+    """Create the app, which opens its data when it starts."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -94,7 +94,7 @@ def serve(configuration: Configuration, listening: socket.socket) -> None:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that takes connections; port 0 is any that is free.
+    """Open a socket that takes connections; port 0 takes a free port.
 
     Raises:
         SettingsError: there is no such port, or the address cannot be used.
@@ -124,7 +124,7 @@ def _only_one(data: Path) -> Iterator[None]:
 
 
 class _Static(StaticFiles):
-    """Files of the front end, which a browser asks for again after an update."""
+    """Files of the front end; a browser asks whether they have changed."""
 
     def file_response(self, *args: object, **kwargs: object) -> Response:
         response = super().file_response(*args, **kwargs)  # type: ignore[arg-type]
@@ -147,13 +147,13 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 
 async def _not_stored(request: Request, error: Exception) -> Response:  # noqa: ARG001
-    """What the disk refused, e.g. because it is full."""
+    """Answer that the disk refused a file, e.g. because it is full."""
     reason = getattr(error, "strerror", None) or type(error).__name__
     return JSONResponse({"detail": f"a file could not be read or written: {reason}"}, 500)
 
 
 async def _malformed(request: Request, error: Exception) -> Response:  # noqa: ARG001
-    """A request that is not of the form that is expected; what was sent is not repeated."""
+    """Answer that a request is malformed, without repeating what was sent."""
     places = []
     if isinstance(error, RequestValidationError):
         places = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]

@@ -1,4 +1,4 @@
-"""Everything that requests work with."""
+"""The parts of the app that requests use."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from nearfar.app.runner import Runner
 
 @dataclass(frozen=True, eq=False)
 class Services:
-    """What the app holds while it runs."""
+    """The parts of the app, which live as long as the server."""
 
     configuration: Configuration
     uploads: Uploads
@@ -53,14 +53,14 @@ class Services:
 
 @dataclass(frozen=True)
 class _Tasks:
-    """Turns jobs, which name files by references, into tasks, which name them by paths."""
+    """Turns jobs, which hold references of files, into tasks, which hold paths."""
 
     library: Library
     jobs: JobStore
     max_pixels: int
 
     def of(self, job: Job) -> LocalizeTask | LocateTask:
-        """What the worker is told of a job.
+        """Return the task for the worker of a job.
 
         Raises:
             NotFoundError: a file is not there any more.

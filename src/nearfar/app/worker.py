@@ -1,4 +1,4 @@
-"""What a worker process does: localize a pair, locate an image in a map, or write an export."""
+"""The work of a worker process: localize a pair, locate an image in a map, write an export."""
 
 import json
 from collections.abc import Callable
@@ -32,7 +32,7 @@ from nearfar.settings import Settings
 from nearfar.storage.locations import Location
 
 CACHE_BYTES = 300_000_000
-"""For features of the images used last."""
+"""Memory for the features of the images used last."""
 
 
 class Worker:

@@ -21,10 +21,10 @@ from nearfar.render.page import Caption, Entry
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What one method found.
+    """The answer of one method, compared with the truth.
 
     Attributes:
-        found: its answer.
+        found: the answer of the method.
         error: mean distance from the truth in far pixels; infinite without a homography.
     """
 
@@ -79,7 +79,7 @@ def _progress(console: Console) -> Progress:
 
 
 def _overview(scene: Scene, best: Trial) -> RGBPixels | None:
-    """What the best method found; None without a footprint."""
+    """Draw what the best method found; None without a footprint."""
     found = f"{'Found' if best.right else 'Missed'}, {true_scale_change(scene):.1f} times smaller"
     source = "Real photographs; the far image was composed of them, so that the truth is known"
     caption = Caption(f"{found}, {best.error:.2f} pixels from the truth", (Entry(source),))

@@ -1,4 +1,4 @@
-"""A localization in the files of other tools. One module a format; docs/exports.md."""
+"""Export formats, which write a localization into files of other tools (docs/exports.md)."""
 
 import os
 from abc import ABC, abstractmethod
@@ -20,14 +20,14 @@ class Exporter(ABC):
     """Writes localizations in one format.
 
     Args:
-        name: of the format.
-        settings: not used; plug-ins of every kind are made with them.
+        name: name of the format.
+        settings: not used; plug-ins of every kind are created with settings.
 
     Raises:
         MissingExtraError: a package that the format needs is not installed.
 
     Attributes:
-        file_name: of what is written beside other results of a localization.
+        file_name: name of the file or folder, beside other results of a localization.
     """
 
     file_name: str
@@ -92,7 +92,7 @@ def export(
     """Write a localization in the format of another tool.
 
     Args:
-        localization: what to write.
+        localization: the localization to write.
         format: "colmap", "csv", "geojson", "hloc", "kitti", "opencv-yaml", "png", "svg" or "tum".
         path: file to write, for "hloc" a folder; what is there is replaced.
         far: what the far image is called in formats that name images ("colmap", "geojson",

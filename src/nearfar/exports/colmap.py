@@ -23,7 +23,7 @@ from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
 
 _GUESSED_FOCAL_LENGTH = 1.2
-"""Of an unknown camera, in longest sides of its image; COLMAP's own default."""
+"""Focal length of an unknown camera, in longest sides of its image; COLMAP's default."""
 _COLMAP_FROM_PIXEL = translation(COLMAP_PIXEL_CENTRE, COLMAP_PIXEL_CENTRE)
 _PIXEL_FROM_COLMAP = translation(-COLMAP_PIXEL_CENTRE, -COLMAP_PIXEL_CENTRE)
 

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDTH = 7.0
-"""Inches: both columns of a paper."""
+"""Width of both columns of a paper in inches."""
 DOTS_PER_INCH = 300
 GAP = 0.02
-"""Between the images, in widths of both."""
+"""Gap between the images, as a share of both widths."""
 MOST_LINES = 50
-"""Evenly spread; more would hide the images."""
+"""Largest number of lines, evenly spread; more would hide the images."""
 
 
 @EXPORTERS.register("png", "svg")
@@ -60,8 +60,8 @@ class _Panel:
     """An image in the figure, whose unit is the height of both images.
 
     Args:
-        image: to show.
-        left: where its left edge is.
+        image: the image to show.
+        left: place of its left edge in units of the figure.
     """
 
     def __init__(self, image: Image, left: float) -> None:
@@ -78,7 +78,7 @@ class _Panel:
         )  # fmt: skip
 
     def place(self, xy: Coordinates) -> Coordinates:
-        """Pixels of the original image (centres at integers) in the figure."""
+        """Return pixels of the original image (centres at integers) in units of the figure."""
         return np.asarray((xy + 0.5) / self._image.height + [self._left, 0])
 
 

@@ -1,4 +1,4 @@
-"""Features and matches of a pair in the HDF5 files of hloc."""
+"""The format of hloc: HDF5 files of features and matches. Needs the extra `export`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class HlocExporter(Exporter):
 
 @dataclass(frozen=True, eq=False)
 class NamedLocalization:
-    """A localization, and what its images are called."""
+    """A localization and the names of its images."""
 
     names: ImageNames
     localization: Localization
@@ -64,7 +64,7 @@ class _Features:
 
 
 def names_to_pair(name0: str, name1: str) -> str:
-    """The key of a pair, as in hloc's `utils/parsers.py`."""
+    """Return the key of a pair, as in hloc's `utils/parsers.py`."""
     return f"{name0.replace('/', '-')}/{name1.replace('/', '-')}"
 
 

@@ -1,4 +1,4 @@
-"""What is exported: a localization, its names, and its matches as indexed keypoints."""
+"""A localization to export, the names of its images, and its matches as keypoint pairs."""
 
 import os
 from dataclasses import dataclass
@@ -37,25 +37,25 @@ class IndexedMatches:
 
 
 def distinct(points: NDArray[np.floating]) -> Keypoints:
-    """Each of (N, 2) points that is finite once, in single precision, sorted."""
+    """Return each finite one of (N, 2) points once, in single precision, sorted."""
     single = _single(points)
     return np.unique(single[np.isfinite(single).all(axis=1)], axis=0)
 
 
 def indexed(points: PointMatches) -> IndexedMatches:
-    """Matches of one pair of images by keypoints of their own."""
+    """Return the matches of one pair of images as pairs of keypoints of their own."""
     return indexed_in(points, distinct(points.near), distinct(points.far))
 
 
 def indexed_in(points: PointMatches, near: Keypoints, far: Keypoints) -> IndexedMatches:
-    """Matches by given keypoints, as tools for structure from motion want them.
+    """Return matches as pairs of given keypoints, as tools for structure from motion read them.
 
     A keypoint is in one match at most: in an inlier before others, else in the first.
 
     Args:
         points: the matches.
         near: keypoints of the near image, among which are all of the matches.
-        far: the same of the far image.
+        far: keypoints of the far image, among which are all of the matches.
     """
     finite = np.isfinite(np.hstack([points.near, points.far])).all(axis=1)
     inliers = points.inliers[finite]
@@ -77,7 +77,7 @@ def _positions(points: NDArray[np.floating], keypoints: Keypoints) -> NDArray[np
 
 
 def _one_to_one(pairs: IndexPairs) -> list[int]:
-    """Rows of the pairs neither end of which is in a pair kept before."""
+    """Return the rows of pairs whose keypoints are in no row kept before."""
     near_used: set[int] = set()
     far_used: set[int] = set()
     kept = []
@@ -94,7 +94,7 @@ _EXIF_ORIENTATION = 0x0112
 
 @dataclass(frozen=True)
 class ImageNames:
-    """What the images are called, relative to the folder of images that a tool is given."""
+    """Names of both images, relative to the folder of images that a tool is given."""
 
     far: str
     near: str
@@ -105,8 +105,8 @@ class Subject:
     """A localization to export.
 
     Attributes:
-        localization: what was found.
-        intrinsics: of both cameras, in pixels of the original images; None where not known.
+        localization: the localization to write.
+        intrinsics: intrinsics of both cameras in pixels of the originals; None where unknown.
         far: name of the far image; None to take it from its path.
         near: name of the near image; None to take it from its path.
         images: both images, for formats that draw them; None to read them from their paths.
@@ -129,7 +129,7 @@ class Subject:
 
     @property
     def names(self) -> ImageNames:
-        """Names for tools that open the images themselves, and see them as they are stored.
+        """Names for tools that open the image files themselves and ignore their EXIF rotation.
 
         Raises:
             ExportError: an image has no path and no name, both have the same, or one is displayed
@@ -167,7 +167,7 @@ class Subject:
 
 
 def _relative(paths: list[Path | None]) -> list[str]:
-    """The paths relative to the deepest folder that holds both files."""
+    """Return the paths relative to the deepest folder that holds both files."""
     known = [Path(os.path.abspath(path)) for path in paths if path is not None]  # noqa: PTH100
     if len(known) < len(paths):
         raise ExportError(

@@ -148,7 +148,7 @@ def _outline(found: Localization) -> Coordinates:
 
 
 def _on_earth(found: Localization) -> WorldCoordinates | None:
-    """(4, 2) longitudes and latitudes; None where the far image does not tell its place."""
+    """Return (4, 2) longitudes and latitudes; None unless the far image is georeferenced."""
     file = found.far.path
     header = None if file is None else tiff_header(file)
     if file is None or header is None or not header.georeferenced:
@@ -160,7 +160,7 @@ def _on_earth(found: Localization) -> WorldCoordinates | None:
 
 
 FAR_CAMERA = RelativePose(np.eye(3), np.zeros(3))
-"""In its own frame, which is the world of the list."""
+"""Pose of the far camera, whose frame is the world of the list."""
 
 
 @EXPORTERS.register("kitti")
@@ -196,7 +196,7 @@ class TumExporter(Exporter):
 
 
 def _quaternion(pose: RelativePose) -> np.ndarray:
-    """Of unit length: x, y, z, w."""
+    """Return the unit quaternion x, y, z, w of the rotation."""
     found = poselib.CameraPose()
     found.R = pose.rotation
     return np.roll(np.asarray(found.q, np.float64), -1)

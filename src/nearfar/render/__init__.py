@@ -1,6 +1,6 @@
 """Pictures of a localization.
 
-One module a kind of picture; `draw`, `page` and `view` are what they are made with.
+`draw` and `page` hold the drawing primitives, the other modules one kind of picture each.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ PAGES = (
 """Names of all pictures of a localization."""
 
 _COMPRESSION = 4
-"""As small as Pillow's 6 on these pictures, in half the time."""
+"""PNG compression level; files are as small as with Pillow's 6, in half the time."""
 
 _THINNING = 4
-"""Of so many rows and columns one is looked at to choose 256 colours."""
+"""Step between the rows and columns from which 256 colours are chosen."""
 
 
 def save_localization(
@@ -38,8 +38,8 @@ def save_localization(
     """Write `localization.json` and pictures into a folder, which is made where missing.
 
     Args:
-        localization: what to write.
-        directory: the folder.
+        localization: the localization to write.
+        directory: the folder to write into.
         images: the far and the near image as they were given to `localize`; they are read from
             their files where None.
 
@@ -70,9 +70,9 @@ def save_all(localization: Localization, images: ImagePair, folder: Path) -> lis
     `far_in_near_checkerboard.png`).
 
     Args:
-        localization: what to show.
-        images: its images.
-        folder: where to write; it must exist.
+        localization: the localization to draw.
+        images: the images of the localization.
+        folder: folder to write into, which must exist.
 
     Returns:
         The files written.
@@ -90,7 +90,7 @@ def save_all(localization: Localization, images: ImagePair, folder: Path) -> lis
         "footprint": footprint_page(localization, images),
         **overlay_pages(localization, images),
     }
-    for name in PAGES:  # None may be left of what was shown here before.
+    for name in PAGES:  # Pictures of an earlier answer must not be left.
         if pages.get(name) is None:
             (folder / f"{name}.png").unlink(missing_ok=True)
     return [save(page, folder / f"{name}.png") for name, page in pages.items() if page is not None]

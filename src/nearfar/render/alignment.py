@@ -17,11 +17,11 @@ _SQUARES = 12
 """Squares of the checkerboard along the longer side."""
 
 _AROUND = 0.2
-"""Part of the far image shown on each side of the footprint, as a share of the latter."""
+"""Width of the surroundings shown on each side of the footprint, as its share."""
 
 _MOST_ENLARGED = 40
 _LEAST_AREA = 0.25
-"""Smaller footprints, in square pixels, are a point or a line rather than a place."""
+"""Area in square pixels below which a footprint counts as a point or a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Overlay:
         above: (height, width, 3) the image that is warped over it, black outside.
         cover: (height, width) share of each pixel where both are, 0..1.
         frame_from_far: maps pixels of the original far image to the frame; a homography.
-        enlarged: how many times larger than in its original the lower image is shown.
+        enlarged: scale of the lower image in the frame, relative to its original.
     """
 
     below: RGBPixels
@@ -50,11 +50,11 @@ class Overlay:
         return f"reduced {1 / self.enlarged:.1f} times"
 
     def blend(self) -> RGBPixels:
-        """Half of each."""
+        """Return the mean of both images."""
         return self._mixed(0.5 * self.cover)
 
     def checkerboard(self) -> RGBPixels:
-        """Squares of one and of the other in turn."""
+        """Return squares of one and of the other image in turn."""
         height, width = self.cover.shape
         side = max(1, max(height, width) / _SQUARES)
         rows, columns = np.indices((height, width)) // side
@@ -69,13 +69,13 @@ class Overlay:
 def near_on_far(
     localization: Localization, images: ImagePair, width: int, height: int
 ) -> Overlay | None:
-    """The near image over the part of the far image in which it lies, enlarged.
+    """Lay the near image over the part of the far image in which it lies, enlarged.
 
     Args:
-        localization: where the near image lies.
-        images: its images.
+        localization: the localization to draw.
+        images: the images of the localization.
         width: largest width of the frame in pixels.
-        height: its largest height.
+        height: largest height of the frame in pixels.
 
     Returns:
         The overlay, or None without a footprint that meets the far image.
@@ -93,13 +93,13 @@ def near_on_far(
 def far_on_near(
     localization: Localization, images: ImagePair, width: int, height: int
 ) -> Overlay | None:
-    """The far image over the near one, in the frame of the latter.
+    """Lay the far image over the near one, in the frame of the near one.
 
     Args:
-        localization: where the near image lies.
-        images: its images.
+        localization: the localization to draw.
+        images: the images of the localization.
         width: largest width of the frame in pixels.
-        height: its largest height.
+        height: largest height of the frame in pixels.
 
     Returns:
         The overlay, or None without a footprint that meets the far image.
@@ -119,7 +119,7 @@ def far_on_near(
 def footprint_frame(
     localization: Localization, width: int, height: int
 ) -> tuple[Matrix3, int, int] | None:
-    """A frame of at most `width` by `height` pixels around the visible part of the footprint.
+    """Return a frame of at most `width` by `height` pixels around the visible footprint.
 
     Returns:
         The map from pixels of the original far image to the frame, and the frame's width and
@@ -140,7 +140,7 @@ def footprint_frame(
 
 
 def visible_footprint(localization: Localization) -> Coordinates | None:
-    """(N, 2) the part of the footprint inside the far image, in its pixels; None if none is."""
+    """Return the (N, 2) part of the footprint inside the far image, in its pixels, or None."""
     corners = localization.footprint
     if corners is None or polygon_area(corners) < _LEAST_AREA:
         return None
@@ -159,7 +159,7 @@ _HOW_TO_READ = {
 
 
 def overlay_pages(localization: Localization, images: ImagePair) -> dict[str, RGBPixels]:
-    """Pages by name: blend and checkerboard in the frame of either image, as far as they exist."""
+    """Draw blend and checkerboard in the frame of either image; return the pages by name."""
     pages = {}
     above = near_on_far(localization, images, _SIZE, _SIZE)
     below = far_on_near(localization, images, _SIZE, _SIZE)
@@ -190,9 +190,9 @@ _FAR_WIDTH, _FAR_HEIGHT = 1000, 640
 _SIDE_WIDTH, _LEAST_HEIGHT = 480, 240
 _BELOW_WIDTH, _BELOW_HEIGHT = 490, 340
 _WIDE = 1.9
-"""Under a wider far image the other two panels stand below it."""
+"""Aspect ratio of the far image above which the other panels stand below it."""
 _SMALL = 100
-"""Outlines of a smaller width or height, in pixels, are drawn thinner."""
+"""Width or height of an outline, in pixels, below which it is drawn thinner."""
 
 _DIMMED = 0.78
 """Brightness of the far image outside the footprint."""
@@ -205,12 +205,12 @@ def footprint_page(
     caption: Caption | None = None,
     aligned: bool = False,
 ) -> RGBPixels | None:
-    """The near image's outline on the far image, beside the near image and the region enlarged.
+    """Draw the outline on the far image, beside the near image and the enlarged region.
 
     Args:
-        localization: what was found.
-        images: its images.
-        caption: the text underneath; what was found where None.
+        localization: the localization to draw.
+        images: the images of the localization.
+        caption: the text underneath; None for a summary of the localization.
         aligned: show the near image blended into the enlarged region.
 
     Returns:
@@ -255,7 +255,7 @@ def _region(
     size: tuple[int, int],
     aligned: bool,
 ) -> Panel | None:
-    """The footprint's surroundings, enlarged; None where it does not meet the far image."""
+    """Draw the surroundings of the footprint, enlarged; None outside the far image."""
     overlay = near_on_far(localization, images, *size)
     if overlay is None:
         return None

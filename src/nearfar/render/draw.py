@@ -13,16 +13,16 @@ from nearfar.imaging.image import Image
 from nearfar.imaging.overlap import polygon_intersection, rectangle
 
 _LONGEST = 32_000
-"""OpenCV warps no longer images."""
+"""Longest side of an image that OpenCV can warp, in pixels."""
 
 _SAMPLES = 33
-"""Places along each side of a frame at which the magnification is looked at."""
+"""Number of points along each side of a frame at which the magnification is measured."""
 
 
 def rendered(
     image: Image, frame_from_original: Matrix3, width: int, height: int
 ) -> tuple[RGBPixels, NDArray[np.float32]]:
-    """The image as it appears in a frame, reduced without aliasing.
+    """Draw the image into a frame, reduced without aliasing.
 
     Args:
         image: the image.
@@ -58,7 +58,7 @@ def rendered(
 def _reduced(
     pixels: RGBPixels, frame_from_pixels: Matrix3, width: int, height: int
 ) -> tuple[RGBPixels, Matrix3]:
-    """Pixels averaged down to about the frame's resolution, and their map to the frame."""
+    """Average pixels down to about the resolution of the frame; return also their map to it."""
     old_height, old_width = pixels.shape[:2]
     magnification = _magnification(frame_from_pixels, old_width, old_height, width, height)
     scale = min(1.0, magnification, _LONGEST / max(old_width, old_height))
@@ -72,7 +72,7 @@ def _reduced(
 def _magnification(
     frame_from_pixels: Matrix3, width: int, height: int, frame_width: int, frame_height: int
 ) -> float:
-    """Largest number of frame pixels per image pixel, among places in both; 1 without any."""
+    """Return the largest number of frame pixels per image pixel where the two overlap, else 1."""
     grid = _grid(frame_width, frame_height)
     pixels_from_frame = np.linalg.inv(frame_from_pixels)
     at = transform(pixels_from_frame, grid)
@@ -108,16 +108,16 @@ CATEGORIES: tuple[Colour, ...] = (
     (213, 94, 0),
     (204, 121, 167),
 )
-"""Okabe and Ito's colours, which colour-blind people can tell apart."""
+"""Colours of Okabe and Ito, which colour-blind people can distinguish."""
 
 _FRACTION_BITS = 4
 _REACH = 100
-"""Polygons are cut this many pixels outside the picture, where their edges are not seen."""
+"""Distance outside the picture, in pixels, at which polygons are clipped."""
 
 
 @contextmanager
 def faded(pixels: RGBPixels, opacity: float) -> Iterator[RGBPixels]:
-    """A copy to draw on, which is blended into `pixels` with `opacity` (0..1) at the end."""
+    """Yield a copy to draw on; blend it into `pixels` with `opacity` (0..1) at the end."""
     layer = pixels.copy()
     yield layer
     cv2.addWeighted(layer, opacity, pixels, 1 - opacity, 0, dst=pixels)
@@ -136,7 +136,7 @@ def polygon(
         pixels: (height, width, 3), drawn on.
         corners: (N, 2) in pixels of the picture.
         colour: colour of the outline.
-        thickness: its thickness in pixels.
+        thickness: thickness of the outline in pixels.
         casing: colour of a wider line beneath, which sets it off from any background.
     """
     height, width = pixels.shape[:2]
@@ -152,7 +152,7 @@ def polygon(
 
 
 def inside(shape: tuple[int, ...], corners: Coordinates) -> NDArray[np.float32]:
-    """(height, width) share of each pixel, 0..1, that lies in a convex polygon."""
+    """Return the (height, width) share, 0..1, of each pixel that lies in a convex polygon."""
     height, width = shape[:2]
     cover = np.zeros((height, width), np.uint8)
     visible = polygon_intersection(
@@ -186,7 +186,7 @@ def dots(pixels: RGBPixels, centres: Coordinates, colour: Colour, radius: float)
 
 
 def spread(xy: Coordinates, most: int) -> Mask:
-    """(N,) mask of at most `most` points that cover the plane evenly (farthest point first)."""
+    """Return an (N,) mask of at most `most` points spread evenly (farthest point sampling)."""
     chosen = np.zeros(len(xy), np.bool_)
     if len(xy) <= most:
         return ~chosen

@@ -29,13 +29,13 @@ _MOST_OTHER_LANDMARKS = 6
 _MOST_LINES, _MOST_OTHER_LINES = 120, 40
 _MOST_EPIPOLAR_LINES = 7
 _SAME_BOX = 0.5
-"""Boxes that overlap more (intersection over union) are shown once."""
+"""Intersection over union above which boxes are shown once."""
 
 _GREY: Colour = (190, 196, 206)
 
 
 def point_matches(localization: Localization, images: ImagePair) -> RGBPixels:
-    """Matched points: those that agree with the model over a faint few of the others."""
+    """Draw matched points: those that agree with the model, over a faint few of the others."""
     points = localization.points
     inliers = points.inliers
     panels = far_and_near(images.far, images.near)
@@ -55,7 +55,7 @@ def point_matches(localization: Localization, images: ImagePair) -> RGBPixels:
 
 
 def _pick(near: Coordinates, among: Mask, most: int) -> Mask:
-    """At most so many of the selected matches, evenly spread over the near image."""
+    """Choose at most `most` of some matches, evenly spread over the near image."""
     chosen = np.zeros(len(near), np.bool_)
     index = np.flatnonzero(among)
     chosen[index[spread(near[index], most)]] = True
@@ -87,7 +87,7 @@ def _model_name(localization: Localization) -> str:
 
 
 def landmark_matches(localization: Localization, images: ImagePair) -> RGBPixels:
-    """Matched landmarks: the most similar ones, those first that agree with the model."""
+    """Draw the most similar landmark matches, first those that agree with the model."""
     matches = localization.landmarks
     agree = agreeing_landmarks(localization)
     by_similarity = np.argsort(-matches.similarity, kind="stable")
@@ -111,7 +111,7 @@ def landmark_matches(localization: Localization, images: ImagePair) -> RGBPixels
 
 
 def _distinct(matches: LandmarkMatches, order: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """The first matches whose boxes, in one of the images at least, differ from those before."""
+    """Choose the first matches whose boxes differ, in one image at least, from those before."""
     far_edges, near_edges = outer_edges(matches.far_boxes), outer_edges(matches.near_boxes)
     chosen: list[int] = []
     for i in order:
@@ -138,7 +138,7 @@ def _join(
     index: NDArray[np.intp],
     colours: tuple[Colour, ...] | None,
 ) -> None:
-    """Lines between the centres of matched boxes."""
+    """Draw lines between the centres of matched boxes."""
     far = panels[0].on_page(centres(matches.far_boxes[index]))
     near = panels[1].on_page(centres(matches.near_boxes[index]))
     thickness = 1 if colours is None else 2
@@ -169,7 +169,7 @@ def _landmarks_caption(
 
 
 def epipolar_matches(localization: Localization, images: ImagePair) -> RGBPixels | None:
-    """A few matched points with their epipolar lines; None unless there is a fundamental matrix."""
+    """Draw a few matched points and their epipolar lines; None without a fundamental matrix."""
     model, points = localization.far_from_near, localization.points
     if not isinstance(model, np.ndarray) or localization.model != "fundamental":
         return None
@@ -188,7 +188,7 @@ def epipolar_matches(localization: Localization, images: ImagePair) -> RGBPixels
 
 
 def _draw_epipolar(panel: Panel, xy: Coordinates, lines: NDArray[np.floating]) -> None:
-    """Points of one image, and across it the (N, 3) lines of the points they are matched with."""
+    """Draw points of one image and the (N, 3) epipolar lines of the points matched with them."""
     lines = lines @ np.linalg.inv(panel.panel_from_original)
     middle = np.array([panel.width, panel.height]) / 2
     reach = float(np.linalg.norm(middle)) + 2
@@ -216,7 +216,7 @@ _SIZE_TOLERANCE = 1.7
 
 
 def agreeing_landmarks(localization: Localization) -> Mask | None:
-    """(M,) matches whose boxes the model brings together; None without a model that can tell.
+    """Return an (M,) mask of matches whose boxes agree with the model; None for other models.
 
     A homography must map the near box to about the place and size of the far one; the epipolar
     line of the near box's centre must cross the far box near its centre. A pose cannot tell,
@@ -235,7 +235,7 @@ def agreeing_landmarks(localization: Localization) -> Mask | None:
 
 
 def _homography_distance(model: Matrix3, matches: LandmarkMatches) -> NDArray[np.floating]:
-    """(M,) distances of far centres from mapped near ones; infinite where the sizes differ."""
+    """Return (M,) distances of far centres from mapped near ones, infinite if sizes differ."""
     corners = transform(model, box_corners(matches.near_boxes).reshape(-1, 2)).reshape(-1, 4, 2)
     area = matches.far_boxes[:, 2:].prod(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -248,7 +248,7 @@ def _homography_distance(model: Matrix3, matches: LandmarkMatches) -> NDArray[np
 
 
 def _epipolar_distance(model: Matrix3, matches: LandmarkMatches) -> NDArray[np.floating]:
-    """(M,) distances of far centres from the epipolar lines of near ones, in pixels."""
+    """Return (M,) distances of far centres from the epipolar lines of near ones, in pixels."""
     lines = epipolar_lines(model, centres(matches.near_boxes))
     far = centres(matches.far_boxes)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -257,12 +257,12 @@ def _epipolar_distance(model: Matrix3, matches: LandmarkMatches) -> NDArray[np.f
 
 
 def epipolar_lines(model: Matrix3, xy: Coordinates) -> NDArray[np.floating]:
-    """(N, 3) lines a x + b y + c = 0 in one image of (N, 2) points of the other."""
+    """Return the (N, 3) lines a x + b y + c = 0 in one image of (N, 2) points of the other."""
     return np.asarray(np.column_stack([xy, np.ones(len(xy))]) @ model.T)
 
 
 def box_corners(boxes: Boxes) -> NDArray[np.floating]:
-    """(N, 4, 2) outer corners of (N, 4) boxes, in order round each."""
+    """Return the (N, 4, 2) outer corners of (N, 4) boxes, in order round each."""
     left, top = boxes[:, 0] - 0.5, boxes[:, 1] - 0.5
     right, bottom = left + boxes[:, 2], top + boxes[:, 3]
     x = np.stack([left, right, right, left], axis=1)
@@ -271,6 +271,6 @@ def box_corners(boxes: Boxes) -> NDArray[np.floating]:
 
 
 def quadrangle_area(corners: NDArray[np.floating]) -> NDArray[np.floating]:
-    """(N,) areas of (N, 4, 2) quadrangles, from their diagonals."""
+    """Return the (N,) areas of (N, 4, 2) quadrangles, from their diagonals."""
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return np.asarray(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2)

@@ -16,7 +16,7 @@ INK: Colour = (24, 32, 44)
 MUTED: Colour = (104, 114, 130)
 
 _SPACE = 0.3
-"""Width of a space as a share of the type's size: the typeface's own is too narrow."""
+"""Width of a space as a share of the font size; the font's own space is too narrow."""
 
 
 def write(
@@ -31,7 +31,7 @@ def write(
 
 
 def shortened(text: str, size: int, room: float) -> str:
-    """The text, or as much of it as fits into so many pixels."""
+    """Return the text, cut to a width in pixels."""
     if text_width(text, size) <= room:
         return text
     while text and text_width(text + " ...", size) > room:
@@ -40,7 +40,7 @@ def shortened(text: str, size: int, room: float) -> str:
 
 
 def text_width(text: str, size: int) -> float:
-    """Width of one line of text in pixels."""
+    """Return the width of one line of text in pixels."""
     font = ImageFont.load_default(size)
     return sum(font.getlength(word) for word in text.split(" ")) + _SPACE * size * text.count(" ")
 
@@ -56,7 +56,7 @@ _LINE = 26
 _NOTE_GAP = 12
 _LEAST_WIDTH = 760
 _PANEL_WIDTH, _PANEL_HEIGHT = 1800, 760
-"""Two panels side by side are at most so wide together, and each so high."""
+"""Largest width of two panels side by side, and largest height of each, in pixels."""
 
 _MOST_ENLARGED = 12
 _MOST_ELONGATED = 5.0
@@ -93,11 +93,11 @@ class Panel:
         return int(self.pixels.shape[0])
 
     def on_panel(self, xy: Coordinates) -> Coordinates:
-        """(N, 2) pixels of the original image as pixels of the panel."""
+        """Return (N, 2) pixels of the original image in pixels of the panel."""
         return transform(self.panel_from_original, xy)
 
     def on_page(self, xy: Coordinates) -> Coordinates:
-        """(N, 2) pixels of the original image as pixels of the page."""
+        """Return (N, 2) pixels of the original image in pixels of the page."""
         return np.asarray(self.on_panel(xy) + np.array([self.left, self.top]))
 
 
@@ -111,14 +111,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Caption:
-    """What stands under the panels: one line in large type, one of entries in small type."""
+    """Text under the panels: a headline in large type, and entries in small type."""
 
     headline: str
     entries: tuple[Entry, ...] = ()
 
 
 def panel(image: Image, left: int, top: int, width: int, height: int, title: str) -> Panel:
-    """The whole image, as large as fits into a place of the page.
+    """Draw the whole image, as large as fits into a rectangle of the page.
 
     Args:
         image: the image.
@@ -139,7 +139,7 @@ def panel(image: Image, left: int, top: int, width: int, height: int, title: str
 
 
 def far_and_near(far: Image, near: Image) -> tuple[Panel, Panel]:
-    """Both images, equally high side by side; two panoramas one over the other."""
+    """Draw both images at equal height side by side, two panoramas one over the other."""
     far_aspect, near_aspect = aspect(far), aspect(near)
     top = MARGIN + TITLE
     titles = "Far image", "Near image"
@@ -160,12 +160,12 @@ def far_and_near(far: Image, near: Image) -> tuple[Panel, Panel]:
 
 
 def aspect(image: Image) -> float:
-    """Width over height of the place that an image gets: its own, unless that is extreme."""
+    """Return width over height of an image, bounded for extreme shapes."""
     return min(max(image.width / image.height, 1 / _MOST_ELONGATED), _MOST_ELONGATED)
 
 
 def composed(panels: tuple[Panel, ...], caption: Caption) -> RGBPixels:
-    """A page, as large as needed, with the panels at their places and the caption under them."""
+    """Compose a page of the panels with the caption under them."""
     right = max(item.left + max(item.width, _title_width(item)) for item in panels)
     width = max(_LEAST_WIDTH, right + MARGIN)
     bottom = max(item.top + item.height for item in panels)

@@ -1,4 +1,4 @@
-"""Figures of one style."""
+"""Matplotlib figures in one style."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ from nearfar.runtime import require
 
 
 def figure_axes(width: float = 7.0, height: float = 4.5) -> tuple[Any, Any]:
-    """A figure and its axes, without a display.
+    """Create a figure and its axes, without a display.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

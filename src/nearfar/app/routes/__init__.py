@@ -1,4 +1,4 @@
-"""What the app answers over HTTP, one module for each kind of thing."""
+"""Routes of the web server, one module for each kind of thing."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Annotations: points marked in two images, what they say, and their export."""
+"""Routes of annotations: points marked in two images, and their export."""
 
 import tempfile
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ router = APIRouter(prefix="/api")
 
 
 class Marked(Message):
-    """Points to be judged."""
+    """Points to compare with a homography."""
 
     points: PointPairs
 
@@ -52,7 +52,7 @@ class Destination(Message):
 
 @dataclass(frozen=True)
 class OpenAnnotation:
-    """An annotation, the places in the near image to mark, and what its points say."""
+    """An annotation, proposed points in the near image, and the agreement of its points."""
 
     annotation: Annotation
     targets: list[Point]
@@ -61,7 +61,7 @@ class OpenAnnotation:
 
 @dataclass(frozen=True)
 class Written:
-    """A file that was written: its reference."""
+    """Reference and name of a file that was written."""
 
     ref: str | None
     name: str
@@ -69,13 +69,13 @@ class Written:
 
 @router.get("/annotations")
 async def list_annotations(held: Held) -> list[Annotation]:
-    """All annotations, the one changed last first."""
+    """Return all annotations, the one changed last first."""
     return held.annotations.all()
 
 
 @router.post("/annotations", status_code=201)
 def create_annotation(held: Held, request: AnnotationRequest) -> OpenAnnotation:
-    """A new annotation of two images."""
+    """Create an annotation of two images."""
     files = held.library.file(request.far), held.library.file(request.near)
     sizes = held.renditions.size(files[0]), held.renditions.size(files[1])
     names = held.library.name(request.far), held.library.name(request.near)
@@ -84,7 +84,7 @@ def create_annotation(held: Held, request: AnnotationRequest) -> OpenAnnotation:
 
 @router.get("/annotations/{annotation_id}")
 async def get_annotation(held: Held, annotation_id: str) -> OpenAnnotation:
-    """An annotation as it was left."""
+    """Return an annotation as it was left."""
     return _opened(held.annotations.get(annotation_id))
 
 
@@ -105,7 +105,7 @@ async def delete_annotation(held: Held, annotation_id: str) -> Response:
 
 @router.post("/agreement")
 async def judge(marked: Marked) -> Agreement:
-    """What marked points say, without keeping them."""
+    """Compare marked points with a homography, without keeping them."""
     return agreement(marked.points)
 
 

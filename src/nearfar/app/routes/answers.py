@@ -1,4 +1,4 @@
-"""Jobs, results of benchmarks, and their answers in the files of other tools."""
+"""Routes of jobs and benchmark results, and of their answers in other formats."""
 
 import mimetypes
 from dataclasses import dataclass, replace
@@ -26,13 +26,13 @@ router = APIRouter(prefix="/api")
 
 @router.get("/jobs")
 async def list_jobs(held: Held) -> list[Job]:
-    """All jobs, the newest first."""
+    """Return all jobs, the newest first."""
     return held.jobs.all()
 
 
 @router.post("/jobs", status_code=201)
 async def create_job(held: Held, request: JobRequest) -> Job:
-    """A new job, which waits for its turn."""
+    """Create a job, which waits for its turn."""
     names = _names(held, request)
     held.runner.check_room()
     return held.runner.submit(held.jobs.create(request, names))
@@ -40,13 +40,13 @@ async def create_job(held: Held, request: JobRequest) -> Job:
 
 @router.get("/jobs/{job_id}")
 async def get_job(held: Held, job_id: str) -> Job:
-    """How a job stands."""
+    """Return a job and its progress."""
     return held.jobs.get(job_id)
 
 
 @router.get("/jobs/{job_id}/result")
 def get_result(held: Held, job_id: str) -> dict[str, Any]:
-    """The answer of a job that is done, without the places of files on this machine."""
+    """Return the answer of a job that is done, without paths of this machine."""
     result, request = held.jobs.result(job_id), held.jobs.get(job_id).request
     if isinstance(request, LocalizeRequest):
         names, found = image_names(held.library, request.far, request.near), result["localization"]
@@ -80,7 +80,7 @@ async def delete_job(held: Held, job_id: str) -> Response:
 
 
 def _names(held: Services, request: JobRequest) -> list[str]:
-    """Of the files of a request, all of which are there."""
+    """Return the names of the files of a request; all of them must exist."""
     library = held.library
     if isinstance(request, LocalizeRequest):
         files = [request.far, request.near]
@@ -98,11 +98,11 @@ class About:
     """What the app can do.
 
     Attributes:
-        version: of nearfar.
-        folders: how many it was started with.
-        maps: None, or why maps cannot be searched.
-        upload_megabytes: largest image that can be sent.
-        efforts: names of what `max_effort` can be, the least first.
+        version: version of nearfar.
+        folders: number of folders that the app was started with.
+        maps: reason why maps cannot be searched; None where they can.
+        upload_megabytes: size of the largest image that can be sent.
+        efforts: values of `max_effort`, the least effort first.
     """
 
     version: str
@@ -114,7 +114,7 @@ class About:
 
 @router.get("/about")
 async def about(held: Held) -> About:
-    """What the app can do."""
+    """Return what the app can do."""
     configuration, missing = held.configuration, None
     try:
         require("map", *PACKAGES)
@@ -126,7 +126,7 @@ async def about(held: Held) -> About:
 
 @router.get("/runs")
 def get_run(held: Held, ref: Annotated[str, Query(max_length=4000)]) -> Run:
-    """The rows of a folder of results, failures first."""
+    """Return the rows of a folder of results, failures first."""
     return read_run(held.library.folder(ref), held.library)
 
 
@@ -161,7 +161,7 @@ Names = Annotated[list[str], Query(alias="format", min_length=1, max_length=20)]
 
 @router.get("/jobs/{job_id}/exports")
 async def formats_of_job(held: Held, answer: OfJob) -> list[Outcome]:
-    """All formats, and why a job's answer cannot be written in some."""
+    """Return all formats, with the reason where a job's answer cannot be written."""
     return await held.formats.offered(answer)
 
 
@@ -173,7 +173,7 @@ async def export_job(held: Held, answer: OfJob, names: Names) -> Response:
 
 @router.get("/runs/exports")
 async def formats_of_row(held: Held, answer: OfRow) -> list[Outcome]:
-    """All formats, and why an answer of a benchmark cannot be written in some."""
+    """Return all formats, with the reason where an answer of a benchmark cannot be written."""
     return await held.formats.offered(answer)
 
 

@@ -1,4 +1,4 @@
-"""Folders that are served, images in them and images that are sent."""
+"""Routes of served folders, the images in them, and images that are sent."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -35,13 +35,13 @@ class ImageAnswer:
 
 @router.get("/folders")
 def list_folder(held: Held, ref: Reference = "") -> Listing:
-    """What is in a served folder; all served folders where none is named."""
+    """List a served folder; list all served folders where none is named."""
     return held.library.listing(ref)
 
 
 @router.get("/find")
 def find_folders(held: Held, kind: Literal["map", "run"]) -> list[Folder]:
-    """All maps, or folders of results, in the served folders."""
+    """Return all maps, or folders of results, in the served folders."""
     wanted: FolderKind = kind
     return held.library.find(wanted)
 
@@ -79,14 +79,14 @@ async def _chunks(request: Request) -> AsyncIterator[bytes]:
 
 @router.get("/images/info")
 def image_info(held: Held, ref: Reference) -> ImageAnswer:
-    """Name and size of an image."""
+    """Return name and size of an image."""
     width, height = held.renditions.size(held.library.file(ref))
     return ImageAnswer(ref, held.library.name(ref), width, height)
 
 
 @router.get("/images/picture")
 def image_picture(held: Held, ref: Reference, *, thumbnail: bool = False) -> Response:
-    """The image to look at, reduced where it is very large."""
+    """Return the image as JPEG, reduced where it is very large."""
     longest = THUMBNAIL if thumbnail else LONGEST
     picture = held.renditions.jpeg(held.library.file(ref), longest)
     return Response(picture, media_type="image/jpeg", headers=_KEPT)
@@ -100,7 +100,7 @@ def image_warped(
     width: Annotated[int, Query(ge=1, le=LARGEST_FRAME)],
     height: Annotated[int, Query(ge=1, le=LARGEST_FRAME)],
 ) -> Response:
-    """The image in a frame of another; `h` are the rows of the homography to its pixels."""
+    """Warp the image into a frame; `h` are the rows of the homography to the frame."""
     frame_from_image = np.array(h).reshape(3, 3)
     singular = np.linalg.svd(frame_from_image, compute_uv=False)
     if not singular[2] > 1e-12 * singular[0]:
