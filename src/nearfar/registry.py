@@ -1,13 +1,14 @@
-"""Plug-ins by name: the registry that each package of plug-ins owns one of.
+"""Registries of plug-ins: classes that are found by their names.
 
-A plug-in is a class that is called with its name and the settings. There are three places for it:
+A plug-in is a class that is called with its name and the settings. It can be in three places:
 
 - a module of the package of its kind, which registers the class under one or several names;
-- another distribution, which names a module under the entry point group `nearfar.plugins`;
+- another distribution, whose entry point in the group `nearfar.plugins` names a module;
   importing that module registers its classes;
-- any importable module: `python:module.Class` names the class itself.
+- any importable module, if the class is named by its place: `python:module.Class`.
 
-Modules are imported when a kind is first asked for.
+Each kind has one registry, in the package of the kind. The modules are imported when the names of
+a kind are first needed.
 """
 
 import difflib
@@ -27,16 +28,16 @@ T = TypeVar("T")
 Factory = Callable[[str, Settings], T]
 
 EXTERNAL = "python:"
-"""Begins the name of a plug-in that is named by its place: `python:module.Class`."""
+"""Prefix of the name of a plug-in that is named by its place: `python:module.Class`."""
 ENTRY_POINTS = "nearfar.plugins"
-"""Entry point group of other distributions; each entry is a module that registers plug-ins."""
+"""Group of entry points in other distributions; each names a module that registers plug-ins."""
 
 
 class Registry(Generic[T]):
     """The plug-ins of one kind.
 
     Args:
-        kind: what a plug-in is called in messages, e.g. "method".
+        kind: name of the kind in messages, e.g. "method".
         package: dotted name of the package whose modules are the plug-ins.
     """
 
@@ -47,41 +48,47 @@ class Registry(Generic[T]):
         self._imported = False
 
     def register(self, *names: str) -> Callable[[Factory[T]], Factory[T]]:
-        """Class decorator: make the class available under `names`.
+        """Return a class decorator that registers a class under names.
 
         Raises:
-            SettingsError: another class has one of them.
+            SettingsError: another class already has one of the names.
         """
 
         def decorate(factory: Factory[T]) -> Factory[T]:
             for name in names:
                 known = self._factories.get(name, factory)
-                if _place(known) != _place(factory):  # Else its module, or cell, is run again.
-                    raise SettingsError(f"two plug-ins want the {self.kind} name {name!r}")
+                if _place(known) != _place(factory):  # The same place: the module was run again.
+                    raise SettingsError(
+                        f"two classes register the {self.kind} {name!r}: rename one of them"
+                    )
                 self._factories[name] = factory
             return factory
 
         return decorate
 
     def names(self) -> list[str]:
-        """All names, sorted."""
+        """Return all names, sorted."""
         self._import_modules()
         return sorted(self._factories)
 
     def create(self, name: str, settings: Settings) -> T:
-        """The plug-in `name`, set up with `settings`.
+        """Return a new plug-in.
+
+        Args:
+            name: a registered name, or `python:module.Class`.
+            settings: the settings that the plug-in takes its parameters from.
 
         Raises:
-            SettingsError: there is no such name.
+            SettingsError: the name is unknown.
             WeightsError: the plug-in needs network weights that are missing or do not fit.
         """
         return self.factory(name)(name, settings)
 
     def factory(self, name: str) -> Factory[T]:
-        """What makes the plug-in `name`.
+        """Return the class with a name, without making a plug-in.
 
         Raises:
-            SettingsError: there is no such name.
+            SettingsError: the name is unknown.
         """
         if name.startswith(EXTERNAL):
             return self.external(name.removeprefix(EXTERNAL))
@@ -96,7 +103,7 @@ class Registry(Generic[T]):
         """Return the class at a dotted path, `module.Class`.
 
         Raises:
-            SettingsError: there is no such module or class.
+            SettingsError: the module or the class does not exist.
         """
         factory: Factory[T] = find_external(path, self.kind)
         return factory
@@ -117,7 +124,7 @@ def _place(factory: Factory[Any]) -> tuple[str, str]:
 
 @functools.cache
 def _import_entry_points() -> None:
-    """Import the modules that other distributions name; they register their plug-ins.
+    """Import the modules that the entry points of other distributions name.
 
     Raises:
         SettingsError: a module cannot be imported.
@@ -130,15 +137,15 @@ def _import_entry_points() -> None:
         except (Exception, SystemExit) as error:
             raise SettingsError(
                 f"the plug-in {entry.name!r} ({entry.value}) cannot be imported "
-                f"({type(error).__name__}: {error}); mend or uninstall its package"
+                f"({type(error).__name__}: {error}); repair or uninstall its package"
             ) from error
 
 
 def outside_code(settings: Settings) -> dict[str, str]:
-    """Return the SHA-256 of the source files of plug-ins from outside the package, by module.
+    """Return the SHA-256 of the source file of each module with plug-ins from outside nearfar.
 
-    These are the modules that the settings name as `python:module.Class`, and those of entry
-    points, whatever they register. What such a module imports is not covered.
+    These are the modules that the settings name as `python:module.Class`, and the modules of all
+    entry points. Modules that these import are not covered.
     """
     from importlib.metadata import entry_points
 
@@ -172,10 +179,10 @@ def find_external(path: str, kind: str) -> Callable[..., Any]:
 
     Args:
         path: `module.name`; the module must be importable.
-        kind: what it is called in messages, e.g. "method".
+        kind: name of the kind in messages, e.g. "method".
 
     Raises:
-        SettingsError: there is no such module, or no such class or function in it.
+        SettingsError: the module, or the class or function in it, does not exist.
     """
     module, _, name = path.rpartition(".")
     if not module or not name:

@@ -1,1 +1,1 @@
-"""nearfar under the calling conventions of other packages, none of which is needed here."""
+"""nearfar with the interfaces of other packages, which need not be installed."""

@@ -1,4 +1,4 @@
-"""nearfar in the place of hloc's `match_dense`. Needs the extra `export`; hloc is not needed."""
+"""nearfar instead of hloc's `match_dense`. It needs the extra `export`, but not hloc."""
 
 from pathlib import Path
 from typing import Any
@@ -20,22 +20,23 @@ def match_pairs(
     model: ModelKind = "fundamental",
     **options: Any,
 ) -> tuple[Path, Path]:
-    """Match pairs of images and write hloc's files of features and of matches.
+    """Match pairs of images, and write hloc's files of features and matches.
 
     Args:
-        pairs: hloc's list of pairs, two names a line; the first is taken as the near image (the
-            query), the second as the far one. A pair that was before, either way, is left out.
+        pairs: hloc's list of pairs, two names a line: the near image (the query), then the far
+            image. A pair that is repeated, in either order, is matched once.
         image_dir: folder that the names are relative to.
-        features: HDF5 file to write, as hloc's `match_dense` does.
-        matches: the same.
-        model: what the matches are scored by, 1 or 0: a fundamental matrix for scenes with depth.
+        features: HDF5 file of keypoints to write.
+        matches: HDF5 file of matches to write.
+        model: kind of model that scores the matches: 1 for an inlier, 0 for others. Use a
+            fundamental matrix for scenes with depth.
         **options: `Settings` by name, e.g. method="sift-tuned".
 
     Returns:
-        `features` and `matches`, as of `match_dense.main`.
+        `features` and `matches`, as `match_dense.main` does.
 
     Raises:
-        ExportError: a line of the list is no pair, or an image is displayed turned by its EXIF.
+        ExportError: a line of the list is not a pair, or the EXIF data of an image rotate it.
         NearfarError: an image, the settings or the weights are not valid.
         OSError: a file cannot be read or written.
     """

@@ -1,7 +1,7 @@
-"""nearfar as a matcher of vismatch, formerly image-matching-models.
+"""nearfar as a matcher of vismatch (formerly image-matching-models), which need not be installed.
 
-The contract is that of `BaseMatcher.forward` in vismatch 1.4: two images in, a dictionary of NumPy
-arrays out. vismatch and torch are not needed.
+`NearfarMatcher` is called like `BaseMatcher.forward` of vismatch 1.4: it takes two images and
+returns a dictionary of NumPy arrays. It does not need torch.
 """
 
 import os
@@ -17,10 +17,10 @@ from nearfar.localizer import Localizer
 
 
 class MatcherResult(TypedDict):
-    """What a matcher of vismatch returns; coordinates are (N, 2), x and y in pixels.
+    """The result of a vismatch matcher; coordinates are (N, 2), x and y in pixels.
 
-    nearfar tells neither all keypoints nor their descriptors nor confidences of single matches;
-    those fields are as vismatch has them for matchers without: (0, 2) arrays, and None.
+    nearfar does not return unmatched keypoints, descriptors or confidences of single matches.
+    Their fields have the values that vismatch uses for such matchers: (0, 2) arrays, and None.
     """
 
     num_inliers: int
@@ -37,7 +37,7 @@ class MatcherResult(TypedDict):
 
 
 class NearfarMatcher:
-    """Image 0 is the near image and image 1 the far one, so that `H` is `far_from_near`.
+    """Matches two images with nearfar. Image 0 is the near one, so `H` is `far_from_near`.
 
     Args:
         **options: `Settings` by name, e.g. method="sift-tuned".
@@ -61,10 +61,10 @@ class NearfarMatcher:
             img1: far image.
 
         Returns:
-            The matches; no homography and no inliers where nearfar finds none.
+            The matches; `H` is None and there are no inliers if nearfar finds no homography.
 
         Raises:
-            ImageError: an image cannot be read, or has another form.
+            ImageError: an image cannot be read, or its array has another shape or type.
         """
         found = self._localizer.localize(_source(img1), _source(img0), model="homography")
         points, nothing = found.points, np.empty((0, 2))

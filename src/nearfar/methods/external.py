@@ -1,4 +1,4 @@
-"""A matcher of the user as a method: `python:module.function` (docs/external-matchers.md)."""
+"""The method that calls a function of the user: `python:module.function`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,30 +14,30 @@ from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
 from nearfar.verification.degeneracy import finite_rows
 
-Matcher = Callable[[RGBPixels, RGBPixels], tuple[Any, Any]]
-"""Far image, near image -> matched far points (N, 2), matched near points (N, 2), in pixels."""
+MatchImages = Callable[[RGBPixels, RGBPixels], tuple[Any, Any]]
+"""Maps a far and a near image to (N, 2) far points and (N, 2) near points, in pixels."""
 
 
 class ExternalMethod:
-    """Matches by a function of the user; the estimator of the settings fits the model.
+    """Matches two images by a function; the estimator of the settings fits the model.
 
     Args:
         name: `python:` and the dotted path of the function; its module must be importable.
         settings: the settings.
 
     Raises:
-        SettingsError: there is no such module or function.
+        SettingsError: the module or the function does not exist.
     """
 
     uses_landmarks = False
 
     def __init__(self, name: str, settings: Settings) -> None:
         self._path = name.removeprefix(EXTERNAL)
-        self._matcher: Matcher = find_external(self._path, "method")
+        self._match_images: MatchImages = find_external(self._path, "method")
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> RGBPixels:  # noqa: ARG002
-        """The image itself: the function sees both images together."""
+        """Return the image itself, because the function needs both images together."""
         return pixels
 
     def localize(self, far: RGBPixels, near: RGBPixels, task: Task, timer: StageTimer) -> Answer:
@@ -55,7 +55,7 @@ class ExternalMethod:
 
     def _match(self, far: RGBPixels, near: RGBPixels) -> tuple[Coordinates, Coordinates]:
         try:
-            found = self._matcher(far.copy(), near.copy())
+            found = self._match_images(far.copy(), near.copy())
         except Exception as error:
             raise ExternalMethodError(
                 f"the matcher {self._path} raised {type(error).__name__}: {error}"
@@ -74,6 +74,6 @@ class ExternalMethod:
 
 
 def _coordinates(points: Any) -> Coordinates:
-    """Anything that numpy takes as an array; an empty one is (0, 2) whatever its shape was."""
+    """Return points as a float64 array; an empty one has the shape (0, 2)."""
     array = np.asarray(points, np.float64)
     return array if array.size else np.empty((0, 2))

@@ -1,1 +1,1 @@
-"""Convolutional networks: weights files -> ONNX graphs -> outputs for crops of an image."""
+"""Convolutional networks: weights files -> ONNX models -> outputs for crops or whole images."""

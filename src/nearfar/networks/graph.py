@@ -11,17 +11,17 @@ from nearfar.errors import WeightsError
 
 _OPSET = 17
 _IR_VERSION = 8
-"""Versions of ONNX and its files that every supported ONNX Runtime reads."""
+"""Versions of ONNX operators and of ONNX files that every supported ONNX Runtime reads."""
 
 INPUT = "crops"
-"""Name of a graph's input: (N, size, size, 3) uint8, RGB."""
+"""Name of the input of a graph: (N, size, size, 3) uint8, red first."""
 
 
 class Parameters:
-    """The weights of one network, handed out only where they fit it.
+    """The weights of one network, checked against its layers.
 
     Args:
-        network: its name in messages.
+        network: name of the network in messages.
         tensors: arrays by name.
     """
 
@@ -31,14 +31,15 @@ class Parameters:
         self._taken: set[str] = set()
 
     def take(self, name: str, shape: tuple[int | None, ...]) -> NDArray[np.float32]:
-        """The tensor `name` as float32.
+        """Return a tensor as float32.
 
         Args:
-            name: its name in the file.
-            shape: size of each axis; None fits any.
+            name: name of the tensor in the file.
+            shape: expected size of each axis; None takes any size.
 
         Raises:
-            WeightsError: it is missing, has another shape or values that are not finite.
+            WeightsError: the tensor is missing, has another shape, or has values that are not
+                finite.
         """
         if name not in self._tensors:
             raise self.misfit(f"there is no tensor {name!r}")
@@ -54,20 +55,20 @@ class Parameters:
         return values
 
     def refuse_others(self, allowed: Iterable[str]) -> None:
-        """Check that no tensor is left, as weights of a larger network would have.
+        """Check that all tensors were taken; a larger network would have more.
 
         Args:
-            allowed: parts of the names of tensors that may be left.
+            allowed: parts of the names of tensors that need not be taken.
 
         Raises:
-            WeightsError: there is such a tensor.
+            WeightsError: another tensor was not taken.
         """
         for name in sorted(set(self._tensors) - self._taken):
             if not any(part in name for part in allowed):
                 raise self.misfit(f"the network has no tensor {name!r}")
 
     def misfit(self, reason: str) -> WeightsError:
-        """The error to raise where the weights do not fit."""
+        """Return the error to raise if the weights do not fit the network."""
         return WeightsError(f"these weights do not fit {self._network}: {reason}")
 
 
@@ -80,14 +81,14 @@ class _Node:
 
 
 class GraphBuilder:
-    """Collects the layers of a network; each method adds one and returns the name of its output."""
+    """Builds an ONNX model; each method adds a layer and returns the name of its output."""
 
     def __init__(self) -> None:
         self._nodes: list[_Node] = []
         self._constants: dict[str, NDArray[Any]] = {}
 
     def normalized_input(self, mean: Sequence[float], deviation: Sequence[float]) -> str:
-        """RGB crops as (N, 3, size, size): each value minus its channel's mean, over deviation."""
+        """Add the input as (N, 3, size, size): minus the mean, over the deviation, by channel."""
         values = self._add("Cast", INPUT, to=1)
         planes = self._add("Transpose", values, perm=(0, 3, 1, 2))
         centred = self._add("Sub", planes, self._constant(_per_channel(mean)))
@@ -102,7 +103,7 @@ class GraphBuilder:
         stride: int = 1,
         padding: int = 0,
     ) -> str:
-        """Convolution with (out, in, k, k) weights and (out,) biases."""
+        """Add a convolution with (out, in, k, k) weights and (out,) biases."""
         return self._add(
             "Conv",
             source,
@@ -113,21 +114,21 @@ class GraphBuilder:
         )
 
     def relu(self, source: str) -> str:
-        """Negative values to zero."""
+        """Add a layer that sets negative values to zero."""
         return self._add("Relu", source)
 
     def add(self, left: str, right: str) -> str:
-        """Sum of two maps of the same size."""
+        """Add the sum of two maps of the same shape."""
         return self._add("Add", left, right)
 
     def concatenate(self, *sources: str) -> str:
-        """Channels of several maps of the same size."""
+        """Add one map with the channels of several maps of the same size."""
         return self._add("Concat", *sources, axis=1)
 
     def max_pool(
         self, source: str, size: int, *, stride: int, padding: int = 0, partial: bool = False
     ) -> str:
-        """Largest value of each window; `partial` keeps windows that stick out at the end."""
+        """Add the largest value of each window; `partial` keeps windows cut off at the end."""
         return self._add(
             "MaxPool",
             source,
@@ -138,15 +139,15 @@ class GraphBuilder:
         )
 
     def average_pool(self, source: str, size: int) -> str:
-        """Mean of each window, at every position (stride 1)."""
+        """Add the mean of each window, with stride 1."""
         return self._add("AveragePool", source, kernel_shape=(size, size), strides=(1, 1))
 
     def global_average(self, source: str) -> str:
-        """Mean of each channel, (N, channels, 1, 1)."""
+        """Add the mean of each channel, (N, channels, 1, 1)."""
         return self._add("GlobalAveragePool", source)
 
     def doubled(self, source: str) -> str:
-        """Every value repeated in a square of 2x2."""
+        """Add a map of twice the size that repeats every value in a square of 2x2."""
         scales = self._constant(np.array([1, 1, 2, 2], np.float32))
         return self._add(
             "Resize",
@@ -159,20 +160,20 @@ class GraphBuilder:
         )
 
     def unit_length(self, source: str) -> str:
-        """The channels of each place scaled to a vector of unit length."""
+        """Add a layer that scales the channels at each position to a vector of unit length."""
         return self._add("LpNormalization", source, axis=1, p=2)
 
     def named(self, source: str, name: str) -> str:
-        """The same map under a name of its own, which outputs of a shipped model have."""
+        """Add a name for a map, so that an output of a shipped model can be found by it."""
         self._nodes.append(_Node("Identity", (source,), name, {}))
         return name
 
     def serialized(self, size: int | None, outputs: Sequence[str]) -> bytes:
-        """The part of the network that the outputs need, as an ONNX model.
+        """Return the part of the network that the outputs need, as an ONNX model.
 
         Args:
-            size: side of the crops in pixels; None: images of any size.
-            outputs: names that methods of this class returned; the model's outputs in this order.
+            size: side of the crops in pixels; None takes images of any size.
+            outputs: names that methods of this class returned, in the order of the outputs.
         """
         from onnx import TensorProto, helper, numpy_helper
 
@@ -190,7 +191,7 @@ class GraphBuilder:
         return bytes(model.SerializeToString())
 
     def _needed(self, outputs: Sequence[str]) -> tuple[list[_Node], dict[str, NDArray[Any]]]:
-        """The nodes that lead to the outputs, in order, and their constants."""
+        """Return the nodes that lead to the outputs, in order, and their constants."""
         needed = set(outputs)
         nodes = []
         for node in reversed(self._nodes):

@@ -1,4 +1,4 @@
-"""The network that ships with nearfar: landmarks and cells described by vectors of unit length."""
+"""The network that ships with nearfar: it describes landmarks and cells by unit vectors."""
 
 from importlib import resources
 
@@ -8,18 +8,19 @@ from nearfar.networks.weights import weights_file
 from nearfar.settings import Settings
 
 FILE = "landmark_network.onnx"
-"""In the package `nearfar.networks`; docs/descriptor.md is its model card."""
+"""File of the model in the package `nearfar.networks`; docs/descriptor.md is its model card."""
 
 CELLS, LANDMARKS = "cells", "landmarks"
-"""Outputs: (N, 64, height/8, width/8), one vector every 8 pixels from the first pixel on, and
-(N, 256, height/16 - 3, width/16 - 3), one vector for every window of 64x64 pixels."""
+"""Names of the outputs. `cells` is (N, 64, height/8, width/8), a vector every 8 pixels.
+`landmarks` is (N, 256, height/16 - 3, width/16 - 3), a vector for each window of 64x64 pixels."""
 
 CROP, STRIDE, GRANULE = 64, 8, 16
-"""Side of the window of a landmark; pixels between cells; what sides of images are multiples of."""
+"""Side of the window of a landmark, distance of cells, and divisor of the sides of an image; all in
+pixels."""
 
 
 def landmark_network(settings: Settings) -> bytes:
-    """The ONNX model that `weights["nearfar"]` names, or the one that ships with nearfar.
+    """Return the ONNX model that `weights["nearfar"]` names, or the one that ships with nearfar.
 
     Raises:
         WeightsError: the file cannot be read.
@@ -34,15 +35,15 @@ def landmark_network(settings: Settings) -> bytes:
 
 
 def part(model: bytes, output: str, size: int | None) -> bytes:
-    """The part of the model that computes one of its outputs.
+    """Return the part of the model that computes one of its outputs.
 
     Args:
         model: the whole model.
         output: `CELLS` or `LANDMARKS`.
-        size: side of the images in pixels; None: images of any size.
+        size: side of the images in pixels; None takes images of any size.
 
     Raises:
-        WeightsError: this is no model, or it has no such output.
+        WeightsError: the file is not an ONNX model, or the model has no such output.
     """
     import onnx
     from google.protobuf.message import DecodeError

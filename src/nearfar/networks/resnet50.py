@@ -17,10 +17,10 @@ class Stage(NamedTuple):
 
     Attributes:
         tap: the paper's name of the output of its last block.
-        layer: name in the weights file.
+        layer: name of the stage in the weights file.
         blocks: number of blocks.
         width: channels inside a block; its output has four times as many.
-        stride: of the first block, unless the map is too small for it.
+        stride: stride of the first block, unless the map is too small for it.
     """
 
     tap: str
@@ -47,20 +47,20 @@ _DEVIATION = (0.229, 0.224, 0.225)
 
 
 def resnet50_model(tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], size: int) -> bytes:
-    """The ONNX model that computes some taps for crops of one size.
+    """Return the ONNX model that computes some taps for crops of one size.
 
-    The layout is torchvision's, as are the names of the tensors: the 3x3 convolution of a
-    bottleneck has the stride, where the authors' Caffe network had it in the first 1x1. A stage
-    loses its stride where it would shrink the map below the 7x7 that pool5 averages, which gives
-    the sizes of the paper's Table I. Batch normalization is folded into the convolutions.
+    The layout and the names of tensors are those of torchvision: the 3x3 convolution of a
+    bottleneck has the stride, not the first 1x1 as in the authors' Caffe network. A stage loses its
+    stride if the map would be smaller than the 7x7 that pool5 averages. This gives the sizes of
+    the paper's Table I. Batch normalization is folded into the convolutions.
 
     Args:
-        tensors: the weights; those of the classifier ("fc.") are not used.
-        taps: names of `TAPS`; the model's outputs in this order.
+        tensors: the weights by name; those of the classifier ("fc.") are not used.
+        taps: names of `TAPS`, in the order of the model's outputs.
         size: side of the crops in pixels, one of `SIZES`.
 
     Raises:
-        WeightsError: the weights are not those of a ResNet-50; names the tensor.
+        WeightsError: a tensor, which the message names, does not fit ResNet-50.
     """
     layers = _Layers(Parameters("ResNet-50", tensors))
     graph = layers.graph
@@ -93,7 +93,7 @@ class _Layers:
         self.graph = GraphBuilder()
 
     def bottleneck(self, source: str, name: str, channels: int, width: int, stride: int) -> str:
-        """1x1, 3x3 and 1x1 convolution, added to the input or to its projection."""
+        """Add 1x1, 3x3 and 1x1 convolutions, summed with the input or its projection."""
         graph = self.graph
         wide = 4 * width
         inner = self.convolution(source, f"{name}.conv1", f"{name}.bn1", (width, channels, 1))
@@ -116,7 +116,7 @@ class _Layers:
     def convolution(
         self, source: str, name: str, norm: str, shape: tuple[int, int, int], stride: int = 1
     ) -> str:
-        """Convolution and batch normalization; `shape` is (out, in, kernel side)."""
+        """Add a convolution with batch normalization; `shape` is (out, in, kernel side)."""
         out, into, side = shape
         weight = self.parameters.take(f"{name}.weight", (out, into, side, side))
         gain, offset, mean, variance = (

@@ -1,4 +1,4 @@
-"""Running a network on crops of an image."""
+"""Runs a network on crops of an image, or on the whole image."""
 
 import os
 from typing import TYPE_CHECKING
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 
 def session(model: bytes) -> "onnxruntime.InferenceSession":
-    """ONNX Runtime on the CPU, with the same results every time and for any number of threads.
+    """Return an ONNX Runtime session on the CPU; results do not depend on the number of threads.
 
-    A number in the environment variable OMP_NUM_THREADS limits the threads, as it does for other
-    libraries; workers that share a machine have it.
+    The environment variable OMP_NUM_THREADS limits the threads. Workers that share a machine set
+    it.
 
     Raises:
-        WeightsError: this is no model that ONNX Runtime can run.
+        WeightsError: ONNX Runtime cannot run the model.
     """
-    # Else its official builds write to the user's home and send usage data over the network.
+    # Without this, its official builds write to the user's home and send usage data.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime
 
@@ -38,17 +38,17 @@ def session(model: bytes) -> "onnxruntime.InferenceSession":
         return onnxruntime.InferenceSession(
             model, options, providers=["CPUExecutionProvider"], enable_fallback=0
         )
-    except Exception as error:  # Of a type of its own for each status.
+    except Exception as error:  # Each status has its own type.
         raise WeightsError(f"these weights are no network that can be run: {error}") from error
 
 
 class MapNetwork:
-    """A network that describes every place of an image by its only output, on the CPU.
+    """A network with one output that describes a whole image by a grid of cells, on the CPU.
 
     Args:
         model: ONNX model from `GraphBuilder.serialized`, for images of any size.
         stride: pixels between neighbouring cells of the output.
-        offset: centre of the first cell, in pixels.
+        offset: x and y of the centre of the first cell, in pixels.
     """
 
     def __init__(self, model: bytes, stride: int, offset: float) -> None:
@@ -77,23 +77,23 @@ class CropNetwork:
 
     @property
     def dimensions(self) -> tuple[int, ...]:
-        """Number of values of each output for one crop."""
+        """Return the number of values of each output for one crop."""
         return tuple(int(np.prod(output.shape[1:])) for output in self._session.get_outputs())
 
     def run(self, crops: RGBPixels) -> list[NDArray[np.float32]]:
-        """The outputs for (N, size, size, 3) crops, each (N, D) with channels outermost."""
+        """Return the outputs for (N, size, size, 3) crops, each (N, D) with channels outermost."""
         outputs = self._session.run(None, {INPUT: crops})
         return [output.reshape(len(crops), -1) for output in outputs]
 
     def describe(self, pixels: RGBPixels, boxes: Boxes) -> list[NDArray[np.float16]]:
-        """For each output, one vector of unit length a box.
+        """Return for each output one vector of unit length a box.
 
         Args:
             pixels: the working image.
             boxes: (N, 4) boxes inside the image.
 
         Returns:
-            (N, D) for each output; a row is all zero where the output is.
+            (N, D) for each output; a row is all zero if the output is.
         """
         vectors = [np.empty((len(boxes), length), np.float16) for length in self.dimensions]
         for start in range(0, len(boxes), self._batch_size):

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from nearfar.networks.graph import GraphBuilder, Parameters
 
 SIZES = (224, 128, 64, 32)
-"""Sides of the crops of descriptors, in pixels; the network itself was trained at 227."""
+"""Sides of the crops, in pixels; the network was trained with 227."""
 
 CLASSES = "classes"
-"""Tap of the class scores."""
+"""Name of the tap of the class scores."""
 
 _MEAN = (123.0, 117.0, 104.0)
 
@@ -21,8 +21,8 @@ class Fire(NamedTuple):
     """A fire module.
 
     Attributes:
-        tap: its name.
-        layer: name in the weights file.
+        tap: name of the output.
+        layer: name of the module in the weights file.
         squeeze: channels of the 1x1 convolution at its start.
         expand: channels of each of the two convolutions at its end.
         pooled: whether a max pool precedes it.
@@ -50,25 +50,26 @@ TAPS = tuple(fire.tap for fire in FIRES)
 """Outputs of the fire modules, after the ReLU."""
 
 STRIDES = dict.fromkeys(TAPS[:3], 4) | dict.fromkeys(TAPS[3:7], 8) | {TAPS[7]: 16}
-"""Pixels between neighbouring cells of each output; the first cell's centre lies one further."""
+"""Distance of neighbouring cells of each output, in pixels. The centre of the first cell is at one
+pixel more."""
 
 
 def squeezenet_model(
     tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], size: int | None
 ) -> bytes:
-    """The ONNX model that computes some taps for crops of one size.
+    """Return the ONNX model that computes some taps for crops of one size.
 
-    The tensors have torchvision's names, but the weights have to be those of the network's
-    authors, trained in Caffe: blue first, 0 to 255, minus (104, 117, 123). Those of torchvision
-    have the same shapes and another normalization, which nothing in a file tells.
+    The tensors have torchvision's names, but the weights must be those of the network's authors,
+    trained in Caffe with inputs blue first, 0 to 255, minus (104, 117, 123). The weights of
+    torchvision have the same shapes and another normalization. A file does not tell which it is.
 
     Args:
-        tensors: the weights; those of the classifier are needed only for `CLASSES`.
-        taps: names of `TAPS`, or `CLASSES`; the model's outputs in this order.
-        size: side of the crops in pixels; None: images of any size.
+        tensors: the weights by name; those of the classifier are needed only for `CLASSES`.
+        taps: names of `TAPS`, or `CLASSES`, in the order of the model's outputs.
+        size: side of the crops in pixels; None takes images of any size.
 
     Raises:
-        WeightsError: the weights are not those of a SqueezeNet 1.0; names the tensor.
+        WeightsError: a tensor, which the message names, does not fit SqueezeNet 1.0.
     """
     layers = _Layers(Parameters("SqueezeNet 1.0", tensors))
     graph = layers.graph
@@ -95,14 +96,14 @@ class _Layers:
         self.graph = GraphBuilder()
 
     def first(self, source: str) -> str:
-        """The convolution of the image, its weights reordered from blue first to red first."""
+        """Add the first convolution, with its weights reordered from blue first to red first."""
         weight = self.parameters.take("features.0.weight", (96, 3, 7, 7))
         bias = self.parameters.take("features.0.bias", (96,))
         red_first = np.ascontiguousarray(weight[:, ::-1])
         return self.graph.relu(self.graph.convolution(source, red_first, bias, stride=2))
 
     def fire(self, source: str, channels: int, fire: Fire) -> str:
-        """A 1x1 convolution, then a 1x1 and a 3x3 side by side."""
+        """Add a 1x1 convolution, then a 1x1 and a 3x3 convolution side by side."""
         narrow = self._convolution(source, f"{fire.layer}.squeeze", (fire.squeeze, channels, 1))
         return self.graph.concatenate(
             self._convolution(narrow, f"{fire.layer}.expand1x1", (fire.expand, fire.squeeze, 1)),
@@ -110,13 +111,13 @@ class _Layers:
         )
 
     def classifier(self, source: str, channels: int) -> str:
-        """The map of class scores; the authors padded its 1x1 convolution."""
+        """Add the map of class scores; the authors padded its 1x1 convolution."""
         weight = self.parameters.take("classifier.1.weight", (None, channels, 1, 1))
         bias = self.parameters.take("classifier.1.bias", (len(weight),))
         return self.graph.relu(self.graph.convolution(source, weight, bias, padding=1))
 
     def _convolution(self, source: str, name: str, shape: tuple[int, int, int]) -> str:
-        """Convolution and ReLU; `shape` is (out, in, kernel side)."""
+        """Add a convolution and a ReLU; `shape` is (out, in, kernel side)."""
         out, into, side = shape
         weight = self.parameters.take(f"{name}.weight", (out, into, side, side))
         bias = self.parameters.take(f"{name}.bias", (out,))

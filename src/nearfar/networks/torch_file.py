@@ -1,4 +1,4 @@
-"""Weights files of PyTorch, read without PyTorch and without executing what is pickled in them."""
+"""Reads weights files of PyTorch without PyTorch, and without executing what is pickled in them."""
 
 import functools
 import io
@@ -15,7 +15,7 @@ BFLOAT16 = "BF16"
 
 
 class TensorFileError(ValueError):
-    """The file cannot be read; the message continues a sentence that begins with its name."""
+    """The file cannot be read. The message continues a sentence that starts with its name."""
 
 
 ELEMENTS: dict[str, np.dtype[Any]] = {
@@ -30,7 +30,7 @@ ELEMENTS: dict[str, np.dtype[Any]] = {
     "U8": np.dtype("u1"),
     "BOOL": np.dtype("?"),
 }
-"""Element types by their safetensors names; bfloat16, which numpy lacks, as its 16 bits."""
+"""NumPy types by the names of safetensors. NumPy has no bfloat16, whose 16 bits are an integer."""
 
 
 def array_on(
@@ -40,14 +40,14 @@ def array_on(
     strides: Sequence[int] | None = None,
     offset: int = 0,
 ) -> NDArray[Any]:
-    """A tensor on raw little-endian bytes, without copying; bfloat16 is widened to float32.
+    """Return a tensor on raw little-endian bytes, without a copy; bfloat16 is widened to float32.
 
     Args:
         data: the bytes.
-        element: name of the element type.
+        element: safetensors name of the element type.
         shape: size of each axis.
-        strides: step along each axis in elements; where None, as in C.
-        offset: first element.
+        strides: step along each axis, in elements; None is the order of C.
+        offset: index of the first element.
 
     Raises:
         TensorFileError: the element type is not one of `ELEMENTS`.
@@ -65,7 +65,7 @@ def array_on(
 
 ZIP_START = b"PK\x03\x04"
 LEGACY_START = b"\x80"
-"""How a pickle begins; older files of PyTorch are a row of them."""
+"""First bytes of a zip archive, and of a pickle. Older files of PyTorch are several pickles."""
 
 _LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
 
@@ -107,7 +107,7 @@ class _Table(dict[Any, Any]):
 
 
 class _StandIn:
-    """A callable that a pickle can call but not change."""
+    """A function that a pickle can call but not change."""
 
     __slots__ = ("_function",)
 
@@ -140,7 +140,7 @@ _CALLABLES: dict[tuple[str, str], Callable[..., Any]] = {
 
 
 class _Unpickler(pickle.Unpickler):
-    """Resolves names and persistent ids to stand-ins and refuses everything else."""
+    """Resolves the names and ids of tensors, and refuses everything else."""
 
     def __init__(self, file: io.BytesIO) -> None:
         super().__init__(file, encoding="utf-8")
@@ -163,22 +163,22 @@ class _Unpickler(pickle.Unpickler):
 
 
 def read_torch_file(data: bytes) -> dict[str, NDArray[Any]]:
-    """The tensors of a state dict, or of a checkpoint that holds one as "state_dict".
+    """Return the tensors of a state dict, or of a checkpoint with a "state_dict".
 
     Args:
-        data: content of the file, in the format of either age.
+        data: content of the file, in the zip format or the older one.
 
     Returns:
-        Read-only arrays by name; values of the table that are not tensors are left out.
+        Read-only arrays by name; other values of the table are left out.
 
     Raises:
-        TensorFileError: the file is damaged, of another kind, or asks for more than tensors.
+        TensorFileError: the file is damaged, has another format, or needs more than tensors.
     """
     try:
         return _read(data)
     except TensorFileError:
         raise
-    except Exception as error:  # a damaged pickle can raise nearly anything
+    except Exception as error:  # A damaged pickle can raise almost any error.
         raise TensorFileError("is damaged or incomplete") from error
 
 
@@ -201,11 +201,11 @@ def _read(data: bytes) -> dict[str, NDArray[Any]]:
 
 
 ValuesOf = Callable[[_Storage], bytes | memoryview]
-"""Finds the raw values of a storage."""
+"""Returns the raw values of a storage."""
 
 
 def _open_zip(data: bytes) -> tuple[Any, ValuesOf]:
-    """The pickled object and the storages of a file of PyTorch 1.6 or newer."""
+    """Return the pickled object and the storages of a file of PyTorch 1.6 or newer."""
     archive = zipfile.ZipFile(io.BytesIO(data))
 
     def member(name: str) -> bytes:
@@ -227,7 +227,7 @@ def _open_zip(data: bytes) -> tuple[Any, ValuesOf]:
 
 
 def _open_legacy(data: bytes) -> tuple[Any, ValuesOf]:
-    """The pickled object and the storages of a file older than PyTorch 1.6."""
+    """Return the pickled object and the storages of a file older than PyTorch 1.6."""
     file = io.BytesIO(data)
     if _Unpickler(file).load() != _LEGACY_MAGIC:
         raise TensorFileError("is a pickle but not of PyTorch")

@@ -1,4 +1,4 @@
-"""Weights of networks: where their files are, how to get them, and how to read them."""
+"""Weights files of networks: finds, downloads and reads them."""
 
 import hashlib
 import re
@@ -20,26 +20,26 @@ from nearfar.networks.torch_file import (
 from nearfar.settings import Settings
 
 DOWNLOADS = {"resnet50": "https://download.pytorch.org/models/resnet50-0676ba61.pth"}
-"""Where `fetch` gets weights; a file's name ends with the first digits of its SHA-256."""
+"""URLs for `fetch` by network; the name of a file ends with the first digits of its SHA-256."""
 
 
 class ProgressBar(Protocol):
-    """What pooch tells about a download, in bytes."""
+    """Is told the progress of a download by pooch, in bytes."""
 
     total: int
 
     def update(self, count: int) -> None:
-        """So many more have come."""
+        """Add the number of bytes that have arrived."""
 
     def reset(self) -> None:
-        """Count from zero again."""
+        """Start again from zero."""
 
     def close(self) -> None:
-        """The download is complete."""
+        """Finish: the download is complete."""
 
 
 def read_weights(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the tensors of a .safetensors or PyTorch file; its content tells which it is.
+    """Return the tensors of a .safetensors or PyTorch file; its first bytes tell which it is.
 
     Nothing that is pickled in a file is executed.
 
@@ -47,10 +47,11 @@ def read_weights(path: Path) -> dict[str, NDArray[Any]]:
         path: the file.
 
     Returns:
-        Arrays by name, in the file's element types (bfloat16 as float32); they may be read-only.
+        Arrays by name, in the element types of the file (bfloat16 as float32); they may be
+        read-only.
 
     Raises:
-        WeightsError: the file is missing, damaged, holds no tensors, or asks for anything else.
+        WeightsError: the file is missing or damaged, holds no tensors, or needs more than tensors.
     """
     try:
         with path.open("rb") as file:
@@ -81,17 +82,17 @@ def _read_safetensors(data: bytes) -> dict[str, NDArray[Any]]:
 
 
 def weights_file(network: str, settings: Settings) -> Path:
-    """The file with the weights of a network: the one that the settings name, or a fetched one.
+    """Return the weights file of a network: the one that the settings name, or a fetched one.
 
     Raises:
-        WeightsError: there is none; the message says how to get it.
+        WeightsError: there is no file; the message says how to get one.
     """
     if network in settings.weights:
         path = Path(settings.weights[network])
         try:
             path = path.expanduser()
             found = path.is_file()
-        except (OSError, RuntimeError) as error:  # The latter for the home of an unknown user.
+        except (OSError, RuntimeError) as error:  # RuntimeError: the home of an unknown user.
             raise WeightsError(
                 f"the weights file {path} for {network} cannot be read: {error}"
             ) from error
@@ -114,15 +115,16 @@ def fetch(network: str, progress: ProgressBar | None = None, url: str | None = N
 
     Args:
         network: a key of `DOWNLOADS`.
-        progress: is told how the download proceeds.
-        url: another place of the file; its name has to end with "-" and the first 8 or more
-            digits of the SHA-256, which are checked.
+        progress: shows the progress of the download.
+        url: another URL of the file. The name of the file must end with "-" and the first 8 or
+            more digits of its SHA-256, which are checked.
 
     Returns:
         The file.
 
     Raises:
-        WeightsError: the network's weights cannot be fetched, or what came is not the file.
+        WeightsError: the weights of the network cannot be fetched, or the downloaded file has
+            another SHA-256.
     """
     if network not in DOWNLOADS:
         raise WeightsError(
@@ -147,7 +149,7 @@ def fetch(network: str, progress: ProgressBar | None = None, url: str | None = N
 
 
 def cache_folder() -> Path:
-    """Where fetched weights are kept: $NEARFAR_CACHE or the system's folder for caches."""
+    """Return the folder of fetched weights: $NEARFAR_CACHE, or the cache folder of the system."""
     import pooch
 
     store = pooch.create(path=pooch.os_cache("nearfar"), base_url="", env="NEARFAR_CACHE")

@@ -9,12 +9,12 @@ from nearfar.proposals import PROPOSERS, canonical, keep_object_like, scaled_box
 from nearfar.settings import Settings
 
 PAPER_K, OPENCV_K = 500, 150
-"""Default k of the single strategy and of the other two."""
+"""Default scale parameter k of the strategy "single", and of the other two."""
 
 
 @PROPOSERS.register("selective-search")
 class SelectiveSearch:
-    """The paper's proposals: one strategy with k = 500 and sigma = 0.9, then its two filters."""
+    """Selective Search with the paper's filters; by default one strategy, k = 500, sigma = 0.9."""
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._settings = settings
@@ -22,8 +22,8 @@ class SelectiveSearch:
     def propose(self, pixels: RGBPixels) -> Boxes:
         """See `Proposer.propose`.
 
-        OpenCV orders its boxes by C `rand()`: the set is the same on every call, the order is not,
-        hence the canonical order.
+        OpenCV orders its boxes by C `rand()`. The set of boxes is the same on every call, but the
+        order is not, so the boxes are sorted.
         """
         settings = self._settings
         height, width = pixels.shape[:2]
