@@ -5,52 +5,34 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import tempfile
-from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 from nearfar.app.configuration import MEGABYTE, Limits
 from nearfar.app.errors import BusyError, NotFoundError, StalledError, StoreFullError, TooLargeError
+from nearfar.storage.locations import replaced
 
 
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file that others never see half written; it is on the disk when this returns.
 
+    Only this user can read it. A link that was there is replaced, not followed.
+
     Raises:
         OSError: it cannot be written; what stood there before is kept.
     """
-    with _replaced(file) as out:
-        out.write(content)
-
-
-def copy_whole(source: Path, file: Path) -> None:
-    """Copy a file as `write_whole` writes one; a link that stood there before is replaced.
-
-    Raises:
-        OSError: it cannot be read or written; what stood there before is kept.
-    """
-    with source.open("rb") as content, _replaced(file) as out:
-        shutil.copyfileobj(content, out)
-
-
-@contextmanager
-def _replaced(file: Path) -> Iterator[BinaryIO]:
-    """Open a file to write, which replaces another one at the end."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=file.parent, prefix=".incomplete-")
-    try:
-        with os.fdopen(handle, "wb") as out:
-            yield out
-            out.flush()
-            os.fsync(out.fileno())
-        Path(name).replace(file)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with replaced(file) as incomplete, open(incomplete, "xb", opener=_private) as out:
+        out.write(content)
+        out.flush()
+        os.fsync(out.fileno())
+
+
+def _private(path: str, flags: int) -> int:
+    """Open a file that only this user can read."""
+    return os.open(path, flags, 0o600)
 
 
 _DIGEST = re.compile(r"[0-9a-f]{64}")

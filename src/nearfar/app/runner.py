@@ -4,15 +4,13 @@ import asyncio
 import contextlib
 import time
 from collections import deque
-from collections.abc import Callable
 
 from nearfar.app.configuration import Limits
 from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
-from nearfar.app.jobs import Job, JobStore, StepProgress
+from nearfar.app.jobs import Job, JobStore, LocalizeRequest, StepProgress
+from nearfar.app.library import Library
 from nearfar.app.process import Ended, LocalizeTask, LocateTask, Report, StageReport, WorkerProcess
 
-TaskOf = Callable[[Job], LocalizeTask | LocateTask]
-Say = Callable[[str], str]
 _MOST_STEPS = 40
 
 
@@ -21,15 +19,13 @@ class Runner:
 
     Args:
         store: the jobs.
-        task_of: returns the task for the worker of a job.
-        say: turns the text of an error into a text to show.
-        limits: bounds of the queue and of a job's time.
+        library: the files that jobs name by references.
+        limits: bounds of the queue, of a job's time and of the pixels of an image.
     """
 
-    def __init__(self, store: JobStore, task_of: TaskOf, say: Say, limits: Limits) -> None:
+    def __init__(self, store: JobStore, library: Library, limits: Limits) -> None:
         self._store = store
-        self._task_of = task_of
-        self._say = say
+        self._library = library
         self._limits = limits
         self._waiting: deque[str] = deque()
         self._more = asyncio.Event()
@@ -120,11 +116,41 @@ class Runner:
                         status=status,
                         ended=time.time(),
                         stage=None,
-                        error=None if ended.error is None else self._say(ended.error),
+                        error=None
+                        if ended.error is None
+                        else self._library.without_places(ended.error),
                         summary=ended.summary,
                         found=ended.found,
                     )
                 )
+
+    def _task_of(self, job: Job) -> LocalizeTask | LocateTask:
+        """Return the task of a job, which holds paths instead of references.
+
+        Raises:
+            NotFoundError: a file is not there any more.
+        """
+        request, library = job.request, self._library
+        result, max_pixels = self._store.result_file(job), self._limits.pixels
+        if isinstance(request, LocalizeRequest):
+            return LocalizeTask(
+                far=library.file(request.far),
+                near=library.file(request.near),
+                model=request.model,
+                max_effort=request.max_effort,
+                max_pixels=max_pixels,
+                result=result,
+                matches=self._store.matches_file(job),
+            )
+        return LocateTask(
+            folder=library.folder(request.folder),
+            served=library.served,
+            query=library.file(request.query),
+            top=request.top,
+            candidates=request.candidates,
+            max_pixels=max_pixels,
+            result=result,
+        )
 
     async def _work(self, job_id: str, task: LocalizeTask | LocateTask) -> Ended:
         """Give a task to the worker and note its reports until it is done."""

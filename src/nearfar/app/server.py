@@ -27,8 +27,7 @@ from nearfar.app.errors import (
     TryLaterError,
 )
 from nearfar.app.guard import Guard
-from nearfar.app.routes import annotations, answers, images
-from nearfar.app.services import Services
+from nearfar.app.routes import Services, annotations, answers, images
 from nearfar.errors import NearfarError, SettingsError
 
 STATIC = Path(__file__).parent / "static"

@@ -55,19 +55,9 @@ def app_command(
     )
     from nearfar.app.server import listen, serve
 
-    for folder in folders:
-        if not folder.is_dir():
-            raise SettingsError(f"{folder} is not a folder")
-        if not is_text(str(folder.resolve())):
-            raise SettingsError(
-                f"{folder} has a path that is not UTF-8, which the app cannot serve"
-            )
-    if token is not None and not (len(token) >= 12 and token.isascii() and token.isprintable()):
-        raise SettingsError("--token needs at least 12 characters, all of them printable ASCII")
+    _check(folders, token, max_upload, max_pixels)
     if token is None and not is_loopback(host):
         token = secrets.token_urlsafe(24)
-    if max_upload < 1 or max_pixels < 1:
-        raise SettingsError("--max-upload and --max-pixels must be at least 1")
     limits = Limits(upload_bytes=max_upload * MEGABYTE, pixels=max_pixels)
     kept = (data or default_data()).resolve()
     configuration = Configuration(folders, kept, host, token, limits)
@@ -81,3 +71,18 @@ def app_command(
         if open_browser:
             webbrowser.open(address)
         serve(configuration, listening)
+
+
+def _check(folders: tuple[Path, ...], token: str | None, max_upload: int, max_pixels: int) -> None:
+    """Raise a SettingsError where an option has a value out of range."""
+    for folder in folders:
+        if not folder.is_dir():
+            raise SettingsError(f"{folder} is not a folder")
+        if not is_text(str(folder.resolve())):
+            raise SettingsError(
+                f"{folder} has a path that is not UTF-8, which the app cannot serve"
+            )
+    if token is not None and not (len(token) >= 12 and token.isascii() and token.isprintable()):
+        raise SettingsError("--token needs at least 12 characters, all of them printable ASCII")
+    if max_upload < 1 or max_pixels < 1:
+        raise SettingsError("--max-upload and --max-pixels must be at least 1")

@@ -20,7 +20,9 @@ from nearfar.app.annotations import (
     targets,
 )
 from nearfar.app.errors import ConflictError
-from nearfar.app.export import (
+from nearfar.app.formats import image_names
+from nearfar.app.jobs import Reference
+from nearfar.app.pair_files import (
     Images,
     add_to_benchmark,
     checked_points,
@@ -28,11 +30,8 @@ from nearfar.app.export import (
     write_pair_zip,
     write_paper_zip,
 )
-from nearfar.app.formats import image_names
-from nearfar.app.jobs import Reference
 from nearfar.app.process import Message
-from nearfar.app.routes import Held
-from nearfar.app.services import Services
+from nearfar.app.routes import Held, Services
 
 router = APIRouter(prefix="/api")
 

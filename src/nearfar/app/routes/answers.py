@@ -13,9 +13,8 @@ from nearfar.app.errors import ConflictError
 from nearfar.app.formats import KeptAnswer, image_names, kept_localization
 from nearfar.app.jobs import Job, JobRequest, LocalizeRequest
 from nearfar.app.process import Outcome
-from nearfar.app.routes import Held
+from nearfar.app.routes import Held, Services
 from nearfar.app.runs import Run, kept_row, read_run
-from nearfar.app.services import Services
 from nearfar.errors import MissingExtraError
 from nearfar.maps import PACKAGES
 from nearfar.runtime import require

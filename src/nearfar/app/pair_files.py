@@ -12,7 +12,7 @@ import yaml
 
 from nearfar.app.annotations import LEAST, Annotation, agreement, arrays
 from nearfar.app.errors import ConflictError
-from nearfar.app.files import copy_whole, write_whole
+from nearfar.app.files import write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
 from nearfar.geometry.homography import scale_change
@@ -127,7 +127,7 @@ def add_to_benchmark(
             raise ConflictError(f"{annotation.name} has a {target.name} already")
     pair.mkdir(exist_ok=True)
     for target, file in copies.items():
-        copy_whole(file, target)
+        write_whole(target, file.read_bytes())
     out = pair / "pair.json"
     write_whole(out, pair_json(annotation, names["far"], names["near"]).encode())
     for written in (*copies, out):
