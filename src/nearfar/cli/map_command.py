@@ -13,11 +13,13 @@ from cyclopts import App, Parameter
 
 from nearfar.cli.options import (
     BAD_INPUT,
+    DEFAULT_SEARCH,
     DEFAULT_WORK,
     FAILED,
     NO_WORLD,
     Flag,
     Place,
+    SearchOptions,
     WeightOptions,
     WorkOptions,
     WorldOptions,
@@ -29,7 +31,7 @@ from nearfar.maps import DEFAULTS, PACKAGES, open_map
 from nearfar.runtime import logs, require
 from nearfar.runtime.logs import shown_progress
 from nearfar.runtime.timing import Meter
-from nearfar.settings import Effort, Settings
+from nearfar.settings import Settings
 from nearfar.storage.locations import Location
 
 map_app = App(name="map", help="Keep a map of many images, and locate other images in it.")
@@ -197,12 +199,7 @@ def locate_command(
     save: Place | None = None,
     geojson: Path | None = None,
     intrinsics: Path | None = None,
-    top: int = 1,
-    candidates: int = 5,
-    max_effort: Effort = DEFAULTS.max_effort,
-    min_confidence: float = DEFAULTS.min_confidence,
-    max_pixels: int = DEFAULTS.max_pixels,
-    weights: WeightOptions = (),
+    search: SearchOptions = DEFAULT_SEARCH,
     work: WorkOptions = DEFAULT_WORK,
 ) -> int:
     """Find where QUERIES lie in a map.
@@ -218,21 +215,8 @@ def locate_command(
             latitude.
         intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
             {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
-        top: Number of answers to seek.
-        candidates: Number of candidates to verify geometrically, those with most votes. Where no
-            answer is confident, as many are verified again with simulated views.
-        max_effort: Last step of the method adaptive to try for each candidate.
-        min_confidence: Least calibrated confidence of an answer. Results that chance may explain,
-            below 0.69 for homographies and 0.77 for poses, are never answers.
-        max_pixels: Refuse images with more pixels, which may be decompression bombs.
-        weights: File of another model of the descriptor, as nearfar=FILE.
     """
-    settings = DEFAULTS.replace(
-        max_effort=max_effort, min_confidence=min_confidence, max_pixels=max_pixels
-    )
-    settings = with_weights(settings, weights)
-    if top < 1 or candidates < 1:
-        raise SettingsError("--top and --candidates must be at least 1")
+    settings = search.settings()
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=settings)
@@ -241,7 +225,7 @@ def locate_command(
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
     tasks = [
-        Query(query, name, folder, settings, top, candidates, camera, save, run)
+        Query(query, name, folder, settings, search.top, search.candidates, camera, save, run)
         for query, name in zip(queries, _names(queries), strict=True)
     ]
     located = []

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 from nearfar.errors import SettingsError
-from nearfar.maps import PACKAGES
+from nearfar.maps import DEFAULTS, PACKAGES
 from nearfar.maps.sources import ImagePoses, read_source
 from nearfar.runtime import logs, require
 from nearfar.runtime.workers import Workers
-from nearfar.settings import Settings
+from nearfar.settings import Effort, Settings
 from nearfar.storage.locations import Url, location
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
@@ -122,6 +122,50 @@ class WorldOptions:
 
 
 NO_WORLD = WorldOptions()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """How queries are searched in a map."""
+
+    top: int = 1
+    """Number of answers to seek."""
+
+    candidates: int = 5
+    """Number of candidates to verify geometrically, those with most votes. Where no answer is
+    confident, as many are verified again with simulated views."""
+
+    max_effort: Effort = DEFAULTS.max_effort
+    """Last step of the method adaptive to try for each candidate."""
+
+    min_confidence: float = DEFAULTS.min_confidence
+    """Least calibrated confidence of an answer. Results that chance may explain, below 0.69 for
+    homographies and 0.77 for poses, are never answers."""
+
+    max_pixels: int = DEFAULTS.max_pixels
+    """Refuse images with more pixels, which may be decompression bombs."""
+
+    weights: WeightOptions = ()
+    """File of another model of the descriptor, as nearfar=FILE."""
+
+    def settings(self) -> Settings:
+        """Return the settings to open a map with.
+
+        Raises:
+            SettingsError: a value is out of range.
+        """
+        if self.top < 1 or self.candidates < 1:
+            raise SettingsError("--top and --candidates must be at least 1")
+        chosen = DEFAULTS.replace(
+            max_effort=self.max_effort,
+            min_confidence=self.min_confidence,
+            max_pixels=self.max_pixels,
+        )
+        return with_weights(chosen, self.weights)
+
+
+DEFAULT_SEARCH = SearchOptions()
 
 
 BAD_INPUT = 2
