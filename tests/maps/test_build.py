@@ -12,6 +12,7 @@ from filelock import FileLock
 from nearfar import MapError, SettingsError, open_map
 from nearfar.arrays import RGBPixels
 from nearfar.maps import manifest
+from nearfar.maps.database import connect
 from nearfar.maps.store import MapStore
 from tests.conftest import KnownPair
 from tests.maps.conftest import content, write
@@ -144,9 +145,8 @@ def test_what_a_killed_writer_left_is_ignored_and_removed(small_town: Path, phot
     folder = photos.parent / "map"
     opened = open_map(folder, create=True)
     opened.add([photos])
-    tables = MapStore(folder)
-    coins = next(each for each in tables.images() if each.name.endswith("coins.png"))
-    tables._images.delete(f"id = {coins.id}")
+    coins = next(each for each in opened.images if each.name.endswith("coins.png"))
+    connect(folder).open_table("images").delete(f"id = {coins.id}")
     left = open_map(folder)
     assert len(left.images) == 7
     assert any(problem.image is None for problem in left.check())
@@ -163,9 +163,9 @@ def test_what_is_left_of_an_image_that_had_failed_before_is_removed_as_well(
     folder = photos.parent / "map"
     opened = open_map(folder, create=True)
     opened.add([photos])
-    tables = MapStore(folder)
-    coins = next(each for each in tables.images() if each.name.endswith("coins.png"))
-    tables._images.update(where=f"id = {coins.id}", values={"status": "too large"})
+    coins = next(each for each in opened.images if each.name.endswith("coins.png"))
+    images = connect(folder).open_table("images")
+    images.update(where=f"id = {coins.id}", values={"status": "too large"})
     left = open_map(folder)
     assert any(problem.image is None for problem in left.check())
     left.add([photos])

@@ -162,7 +162,7 @@ class FakeClient:
 def test_workers_with_other_versions_are_refused() -> None:
     other = {**dask_cluster.versions(), "numpy": "1.0"}
     with pytest.raises(ClusterError, match=r"tcp://worker has numpy 1\.0.*install the same"):
-        dask_cluster._check_versions(FakeClient(other))
+        dask_cluster.check_versions(FakeClient(other))
 
 
 def test_a_scheduler_without_workers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -276,9 +276,9 @@ def test_another_shipped_network_makes_other_features(
     found = set()
     for content in (b"one", b"two"):
         (tmp_path / "network.onnx").write_bytes(content)
-        feature_store._code_hash.cache_clear()
+        feature_store.code_hash.cache_clear()
         found.add(settings_hash(Settings()))
-    feature_store._code_hash.cache_clear()
+    feature_store.code_hash.cache_clear()
     assert len(found) == 2
 
 
@@ -301,9 +301,9 @@ def test_words_are_no_part_of_the_code(
     found = set()
     for content in ("def f():\n    _log.warning('words')\n    raise ValueError('a')\n", source):
         (tmp_path / "module.py").write_text(content)
-        feature_store._code_hash.cache_clear()
+        feature_store.code_hash.cache_clear()
         found.add(settings_hash(Settings()))
-    feature_store._code_hash.cache_clear()
+    feature_store.code_hash.cache_clear()
     assert (len(found) == 1) == same
 
 

@@ -65,11 +65,11 @@ def connected(address: str) -> Iterator[Any]:
                 f"the scheduler {address} has no workers: start some with `dask worker {address} "
                 f"--nthreads 1`"
             ) from None
-        _check_versions(client)
+        check_versions(client)
         yield client
 
 
-def _check_versions(client: Any) -> None:
+def check_versions(client: Any) -> None:
     """Refuse workers whose packages could give other results."""
     own = versions()
     for worker, found in client.run(versions).items():

@@ -172,7 +172,7 @@ def settings_hash(settings: Settings) -> str:
     content["weights"] = {
         name: _file_hash(Path(file).expanduser()) for name, file in sorted(settings.weights.items())
     }
-    content["code"] = _code_hash(), outside_code(settings)
+    content["code"] = code_hash(), outside_code(settings)
     content["libraries"] = [
         cv2.__version__,
         np.__version__,
@@ -269,7 +269,7 @@ def _file_hash(file: Path) -> str:
 
 
 @functools.cache
-def _code_hash() -> str:
+def code_hash() -> str:
     """Return the SHA-256 of the code and the network of the package that may change features.
 
     It leaves out comments, docstrings, log messages and the messages of exceptions.
