@@ -128,8 +128,8 @@ class Localization:
 
         Args:
             content: what `to_dict` returned, also after a way through JSON.
-            points: the matched points, of which `content` holds the numbers only.
-            landmarks: the matched landmarks, of which `content` holds the number only.
+            points: the matched points; `content` holds their numbers only.
+            landmarks: the matched landmarks; `content` holds their number only.
 
         Raises:
             LocalizationError: a part is missing or malformed.

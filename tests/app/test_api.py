@@ -273,7 +273,17 @@ def test_rows_of_a_run_come_failures_first(server: Server, images: tuple[Path, P
     folder = server.folders[0] / "run"
     folder.mkdir()
     rows = [
-        {"case": "a", "method": "sift", "status": "localized", "strict": True, "error": 0.4},
+        {
+            "case": "a",
+            "method": "sift",
+            "status": "localized",
+            "strict": True,
+            "error": 0.4,
+            "inliers": 30,
+            "matches": 41,
+            "scale_change": 2.5,
+            "seconds": {"points": 1, "votes": 0.5},
+        },
         {"case": "b", "method": "sift", "status": "failed", "strict": False, "reason": "few"},
     ]
     for row in rows:
@@ -292,6 +302,10 @@ def test_rows_of_a_run_come_failures_first(server: Server, images: tuple[Path, P
     assert run["skipped"] == 1
     assert run["rows"][0]["far"] == server.ref(images[0])
     assert run["rows"][0]["near"] is None
+    failed, found = run["rows"]
+    assert (found["inliers"], found["matches"], found["scale_change"]) == (30, 41, 2.5)
+    assert (found["seconds"], found["error"], found["right"]) == (1.5, 0.4, True)
+    assert (failed["inliers"], failed["seconds"], failed["reason"]) == (None, None, "few")
 
 
 def test_a_photograph_is_located_in_a_map(

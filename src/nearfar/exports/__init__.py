@@ -98,7 +98,7 @@ def export(
         far: what the far image is called in formats that name images ("colmap", "geojson",
             "hloc"); by default its path, for "colmap" and "hloc" relative to the deepest folder
             that holds both images.
-        near: the same of the near image.
+        near: what the near image is called in formats that name images.
         intrinsics: of both cameras, as they were given to `localize`; "colmap" needs them for a
             pose, "opencv-yaml" notes them.
         images: the far and the near image as they were given to `localize`, for formats that draw
