@@ -26,7 +26,7 @@ from nearfar.registry import Registry
 NOT_STATED = "not stated"
 _CORE = "always"
 _LONGEST_LICENCE = 60
-"""A `License` field that is longer holds the text of the licence instead of its name."""
+"""Largest number of characters of a licence's name; a longer field holds the licence's text."""
 _EXTRA = re.compile(r"""extra\s*==\s*['"]([\w.-]+)['"]""")
 
 
@@ -35,9 +35,9 @@ class Component:
     """A package that nearfar uses.
 
     Attributes:
-        name: of the package.
-        version: installed; None where it is not.
-        licence: as its metadata state it; None where it is not installed.
+        name: name of the package.
+        version: installed version; None if it is not installed.
+        licence: licence in the metadata of the package; None if it is not installed.
         extras: of nearfar that need it; "always" where nearfar itself does.
     """
 
@@ -65,7 +65,7 @@ MODELS = (
     ),
     Model("squeezenet", "that of the file you give", "not shipped: --weights squeezenet=FILE"),
 )
-"""Networks of descriptors, and what their weights may be used for."""
+"""Networks of the descriptors, and the licences of their weights."""
 
 REGISTRIES: tuple[Registry[Any], ...] = (
     METHODS,
@@ -98,10 +98,10 @@ def about_command() -> None:
 
 
 def components(requirements: Iterable[str]) -> list[Component]:
-    """The packages that a distribution's requirements name, in order of name.
+    """Return the packages that requirements name, sorted by name.
 
     Args:
-        requirements: as in its metadata, e.g. "h5py>=3; extra == 'export'".
+        requirements: requirements of a distribution, e.g. "h5py>=3; extra == 'export'".
     """
     users: dict[str, dict[str, None]] = {}
     for requirement in requirements:
@@ -113,7 +113,7 @@ def components(requirements: Iterable[str]) -> list[Component]:
 
 
 def licence(metadata: PackageMetadata) -> str:
-    """The licence that a package's metadata state, in the order of what is most exact."""
+    """Return the licence in the metadata of a package, from the most exact field that has one."""
     for field in ("License-Expression", "License"):
         name = metadata.get_all(field, [""])[0]
         if name and len(name) <= _LONGEST_LICENCE and "\n" not in name:

@@ -20,16 +20,16 @@ Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
 
 EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("^(?!(weights|constants)$)"))
-"""Makes each setting one option, but for the weights, which `WeightOptions` reads."""
+"""Makes each setting one option. `WeightOptions` reads the weights; constants have no options."""
 
 SettingsOptions = Annotated[Settings, EACH_SETTING]
-"""All settings, each as one option."""
+"""Type of an argument that takes each setting as one option."""
 
 WeightOptions = Annotated[
     tuple[str, ...],
     Parameter(name="--weights", negative="", metavar="NAME=FILE", show_default=False),
 ]
-"""Weights files by network name."""
+"""Type of an argument that takes the weights of networks, as NAME=FILE."""
 
 
 def _place(_: Any, tokens: Sequence[Token]) -> Path | Url:
@@ -37,27 +37,27 @@ def _place(_: Any, tokens: Sequence[Token]) -> Path | Url:
 
 
 Place = Annotated[Path | Url, Parameter(converter=_place, n_tokens=1, accepts_keys=False)]
-"""A path, or a URL of object storage."""
+"""Type of an argument that is a path, or a URL of object storage."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workplace:
-    """Where the work is done, and what is logged of it."""
+    """Options of commands that may share their work between processes or machines."""
 
     jobs: int = 1
-    """Local processes that share the work."""
+    """Number of local processes that share the work."""
 
     scheduler: str | None = None
-    """Address of a Dask scheduler, whose workers do the work instead."""
+    """Address of a Dask scheduler. Its workers do the work instead."""
 
     log_format: logs.LogFormat = "text"
-    """json: log what goes on to the error output, one JSON object a line."""
+    """json: write events to the error output, one JSON object a line."""
 
     def begin(self) -> Workers:
-        """Start to log; the workers.
+        """Start the log, and return the workers.
 
         Raises:
-            SettingsError: there are to be no jobs.
+            SettingsError: the number of jobs is below 1.
         """
         if self.jobs < 1:
             raise SettingsError(f"--jobs must be at least 1, not {self.jobs}")
@@ -70,10 +70,10 @@ DEFAULT_WORK = Workplace()
 
 
 def with_weights(settings: Settings, weights: tuple[str, ...]) -> Settings:
-    """The settings with weights given as NAME=FILE.
+    """Return the settings with weights that are given as NAME=FILE.
 
     Raises:
-        SettingsError: one of them has another form.
+        SettingsError: a weight has another form.
     """
     files = {}
     for item in weights:
@@ -87,7 +87,7 @@ def with_weights(settings: Settings, weights: tuple[str, ...]) -> Settings:
 @Parameter(name="*", group="World coordinates")
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
-    """Where cameras and poses of IMAGES are."""
+    """Options that say where cameras and poses of IMAGES are."""
 
     poses: Annotated[
         tuple[str, ...], Parameter(negative="", metavar="SOURCE=PATH", show_default=False)
@@ -101,7 +101,7 @@ class WorldOptions:
     {"map": [fx, fy, cx, cy]} in pixels of the original images, or KITTI's calib.txt."""
 
     def read(self) -> list[ImagePoses]:
-        """Read the files, so that those that cannot be read are known before a map is built.
+        """Read the sources before a map is built, so that a bad file ends the command at once.
 
         Raises:
             IntrinsicsError: the intrinsics cannot be read.
@@ -169,7 +169,7 @@ DEFAULT_SEARCH = SearchOptions()
 
 
 BAD_INPUT = 2
-"""Bad input or usage, with one line on the error output."""
+"""Exit status after bad input or usage; the error output has one line."""
 
 FAILED = 3
-"""A valid answer that says "not found"."""
+"""Exit status of a valid answer that says "not found"."""

@@ -28,18 +28,18 @@ def descriptor_command(
 ) -> None:
     """Train the descriptor `nearfar` on all photographs in the folders PHOTOGRAPHS.
 
-    Needs no labels. Writes OUT/landmark_network.onnx, the learning curves OUT/learning_curves.png
-    and OUT/log.jsonl; a training that was stopped goes on where it was. Use the result with
-    --descriptor nearfar --weights nearfar=OUT/landmark_network.onnx. Uses a GPU where torch finds
-    one.
+    Training needs no labels. It writes OUT/landmark_network.onnx, the learning curves
+    OUT/learning_curves.png and OUT/log.jsonl. A training that was stopped goes on where it was. Use
+    the result with --descriptor nearfar --weights nearfar=OUT/landmark_network.onnx. A GPU is used
+    if torch finds one.
 
     Args:
-        photographs: Folders of photographs; folders below are searched as well.
+        photographs: Folders of photographs. Folders below them are searched too.
         out: Folder for the results.
-        steps: Batches to train on; default: 14,000, with --small 40.
-        seed: Seed of weights and views.
-        small: A small network and small batches, to try the command in a minute.
-        jobs: Processes that make batches, beside the one that trains.
+        steps: Number of batches to train on. By default 14,000, and 40 with --small.
+        seed: Seed of the first weights and of the views.
+        small: Train a small network on small batches, to try the command in a minute.
+        jobs: Number of processes that make batches, besides the one that trains.
     """
     require("train", "torch", "matplotlib")
     from nearfar.train.export import save_model

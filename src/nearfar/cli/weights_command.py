@@ -13,12 +13,12 @@ weights_app = App(name="weights", help="Fetch the weights of networks, or show w
 
 @weights_app.command(name="fetch")
 def fetch_command(network: str, /) -> None:
-    """Download the weights of NETWORK into the cache folder and print the file's name.
+    """Download the weights of NETWORK into the cache folder, and print the name of the file.
 
-    The folder is $NEARFAR_CACHE or the system's folder for caches.
+    The cache folder is $NEARFAR_CACHE, or the system's folder for caches.
 
     Args:
-        network: The network; resnet50 can be fetched.
+        network: Name of the network. Only resnet50 can be fetched.
     """
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
     terminal = Console(stderr=True)
@@ -31,7 +31,7 @@ def fetch_command(network: str, /) -> None:
 
 @weights_app.command(name="show")
 def show_command() -> None:
-    """Name the networks and, for each, the weights file in the cache folder or how to get one."""
+    """Name the networks. For each, name its weights file, or say how to get one."""
     for network in NETWORKS:
         if network == "nearfar":
             _console().print("nearfar: comes with the package", markup=False)
@@ -44,7 +44,7 @@ def show_command() -> None:
 
 
 class _Bar:
-    """A `nearfar.networks.weights.ProgressBar` on the terminal."""
+    """Progress bar of a download on the terminal, as `fetch` calls it."""
 
     def __init__(self, progress: Progress) -> None:
         self.total = 0
