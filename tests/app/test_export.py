@@ -21,7 +21,7 @@ import pytest
 from PIL import Image
 
 from nearfar.app.formats import localization_of_row
-from nearfar.app.process import ExportTask
+from nearfar.app.process import ExportAnswer
 from nearfar.app.worker import exported
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform
@@ -327,7 +327,7 @@ def test_a_missing_package_names_its_extra(
 ) -> None:
     far, near = (ImageInfo(file, 640, 480, (640, 480)) for file in images)
     row = {"status": "failed", "model": "homography", "method": "sift"}
-    task = ExportTask(
+    task = ExportAnswer(
         localization=localization_of_row(row, far, near).to_dict(),
         matches=None,
         far="far.png",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from nearfar import Localization, RelativePose, read_image
 from nearfar.arrays import Matrix3
-from nearfar.render.draw import inside, polygon, spread
+from nearfar.render.draw import polygon, polygon_cover, spread
 from nearfar.render.matches import agreeing_landmarks
 from nearfar.render.page import shortened, text_width
 from tests.render.build import Shift, localized
@@ -59,7 +59,7 @@ def test_without_such_a_model_no_landmark_can_be_called_right(
 
 def test_a_huge_polygon_covers_the_whole_picture() -> None:
     corners = np.array([[-1e9, -1e9], [1e9, -1e9], [1e9, 1e9], [-1e9, 1e9]])
-    assert (inside((30, 40, 3), corners) == 1).all()
+    assert (polygon_cover((30, 40, 3), corners) == 1).all()
     pixels = np.zeros((30, 40, 3), np.uint8)
     polygon(pixels, corners, (255, 0, 0), 3)
     assert not pixels.any()

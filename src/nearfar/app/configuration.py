@@ -40,7 +40,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Configuration:
+class AppConfiguration:
     """Options with which the app is started.
 
     Attributes:

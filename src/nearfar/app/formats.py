@@ -16,7 +16,14 @@ import numpy as np
 from nearfar.app.errors import BusyError, ConflictError
 from nearfar.app.files import write_whole
 from nearfar.app.library import Library
-from nearfar.app.process import KILLED, Ended, ExportTask, Outcome, WorkerProcess, crash_explanation
+from nearfar.app.process import (
+    KILLED,
+    Ended,
+    ExportAnswer,
+    Outcome,
+    WorkerProcess,
+    crash_explanation,
+)
 from nearfar.errors import ExportError, LocalizationError
 from nearfar.exports.subject import ImageNames
 from nearfar.geometry.homography import footprint
@@ -169,7 +176,7 @@ class Formats:
     ) -> list[Outcome]:
         if self._lock.locked():
             raise BusyError("another export is under way: try again")
-        task = ExportTask(
+        task = ExportAnswer(
             localization=answer.localization.to_dict(),
             matches=answer.matches,
             far=answer.names.far,

@@ -9,7 +9,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from nearfar.app.configuration import Configuration, is_loopback
+from nearfar.app.configuration import AppConfiguration, is_loopback
 
 COOKIE = "nearfar-token"
 UPLOADS = "/api/images"
@@ -36,7 +36,7 @@ class Guard:
         configuration: host, token and limits.
     """
 
-    def __init__(self, app: ASGIApp, configuration: Configuration) -> None:
+    def __init__(self, app: ASGIApp, configuration: AppConfiguration) -> None:
         self._app = app
         self._configuration = configuration
         self._under_way = 0

@@ -22,7 +22,7 @@ _SUFFIX = {"JPEG": ".jpg", "PNG": ".png", "TIFF": ".tif", "WEBP": ".webp", "BMP"
 
 
 @dataclass(frozen=True)
-class Images:
+class ImageFiles:
     """The files of an annotation's images."""
 
     far: Path
@@ -58,7 +58,7 @@ def pair_json(annotation: Annotation, far: str, near: str) -> str:
     return json.dumps(content, indent=1) + "\n"
 
 
-def write_pair_zip(annotation: Annotation, images: Images, out: Path) -> None:
+def write_pair_zip(annotation: Annotation, images: ImageFiles, out: Path) -> None:
     """Write `NAME/pair.json` and both images, as they are, into a ZIP file."""
     far, near = f"far{_suffix(images.far)}", f"near{_suffix(images.near)}"
     description = pair_json(annotation, far, near)
@@ -69,7 +69,7 @@ def write_pair_zip(annotation: Annotation, images: Images, out: Path) -> None:
 
 
 def write_paper_zip(
-    annotation: Annotation, images: Images, renditions: Renditions, out: Path
+    annotation: Annotation, images: ImageFiles, renditions: Renditions, out: Path
 ) -> None:
     """Write the authors' layout into a ZIP file: `NAME/1.png`, `2.png` and `1_to_2.yaml`.
 
@@ -89,11 +89,11 @@ def write_paper_zip(
 
 
 def add_to_benchmark(
-    annotation: Annotation, images: Images, folder: Path, *, replace: bool
+    annotation: Annotation, images: ImageFiles, folder: Path, *, replace: bool
 ) -> Path:
     """Write `NAME/pair.json` into a benchmark folder.
 
-    Images that lie in the folder are named where they are; others are copied beside the file.
+    ImageFiles that lie in the folder are named where they are; others are copied beside the file.
 
     Args:
         annotation: an annotation with enough points.

@@ -25,7 +25,7 @@ class Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class LocalizeTask(Message):
+class LocalizePair(Message):
     """Localize a pair.
 
     Attributes:
@@ -48,7 +48,7 @@ class LocalizeTask(Message):
     matches: Path
 
 
-class LocateTask(Message):
+class LocateInMap(Message):
     """Locate an image in a map.
 
     Attributes:
@@ -71,7 +71,7 @@ class LocateTask(Message):
     result: Path
 
 
-class ExportTask(Message):
+class ExportAnswer(Message):
     """Write an answer in some formats.
 
     Attributes:
@@ -96,7 +96,7 @@ class ExportTask(Message):
     max_pixels: int
 
 
-WorkerTask = LocalizeTask | LocateTask | ExportTask
+WorkerTask = LocalizePair | LocateInMap | ExportAnswer
 TASK: TypeAdapter[WorkerTask] = TypeAdapter(Annotated[WorkerTask, Field(discriminator="kind")])
 
 

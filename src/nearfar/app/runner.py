@@ -9,7 +9,7 @@ from nearfar.app.configuration import Limits
 from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
 from nearfar.app.jobs import Job, JobStore, LocalizeRequest, StepProgress
 from nearfar.app.library import Library
-from nearfar.app.process import Ended, LocalizeTask, LocateTask, Report, StageReport, WorkerProcess
+from nearfar.app.process import Ended, LocalizePair, LocateInMap, Report, StageReport, WorkerProcess
 
 _MOST_STEPS = 40
 
@@ -124,7 +124,7 @@ class Runner:
                     )
                 )
 
-    def _task_of(self, job: Job) -> LocalizeTask | LocateTask:
+    def _task_of(self, job: Job) -> LocalizePair | LocateInMap:
         """Return the task of a job, which holds paths instead of references.
 
         Raises:
@@ -133,7 +133,7 @@ class Runner:
         request, library = job.request, self._library
         result, max_pixels = self._store.result_file(job), self._limits.pixels
         if isinstance(request, LocalizeRequest):
-            return LocalizeTask(
+            return LocalizePair(
                 far=library.file(request.far),
                 near=library.file(request.near),
                 model=request.model,
@@ -142,7 +142,7 @@ class Runner:
                 result=result,
                 matches=self._store.matches_file(job),
             )
-        return LocateTask(
+        return LocateInMap(
             folder=library.folder(request.folder),
             served=library.served,
             query=library.file(request.query),
@@ -152,7 +152,7 @@ class Runner:
             result=result,
         )
 
-    async def _work(self, job_id: str, task: LocalizeTask | LocateTask) -> Ended:
+    async def _work(self, job_id: str, task: LocalizePair | LocateInMap) -> Ended:
         """Give a task to the worker and note its reports until it is done."""
         await self._worker.start()
         if self._store.get(job_id).status != "running":

@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
-from nearfar.app.configuration import Configuration
+from nearfar.app.configuration import AppConfiguration
 from nearfar.app.errors import (
     BusyError,
     ConflictError,
@@ -45,7 +45,7 @@ STATUSES: dict[type[Exception], int] = {
 _REVALIDATED = {"Cache-Control": "no-cache"}
 
 
-def create_app(configuration: Configuration) -> FastAPI:
+def create_app(configuration: AppConfiguration) -> FastAPI:
     """Create the app, which opens its data when it starts."""
 
     @asynccontextmanager
@@ -72,7 +72,7 @@ def create_app(configuration: Configuration) -> FastAPI:
     return app
 
 
-def serve(configuration: Configuration, listening: socket.socket) -> None:
+def serve(configuration: AppConfiguration, listening: socket.socket) -> None:
     """Answer requests until the process is asked to end.
 
     Raises:

@@ -12,9 +12,9 @@ from nearfar.app.formats import read_matches, write_matches
 from nearfar.app.process import (
     AttemptReport,
     Ended,
-    ExportTask,
-    LocalizeTask,
-    LocateTask,
+    ExportAnswer,
+    LocalizePair,
+    LocateInMap,
     Message,
     Outcome,
     StageReport,
@@ -49,9 +49,9 @@ class Worker:
     def do(self, task: WorkerTask) -> Ended:
         """Do a task; the returned report says what went wrong."""
         try:
-            if isinstance(task, ExportTask):
+            if isinstance(task, ExportAnswer):
                 return Ended(outcomes=tuple(exported(task)))
-            return self._localize(task) if isinstance(task, LocalizeTask) else self._locate(task)
+            return self._localize(task) if isinstance(task, LocalizePair) else self._locate(task)
         except NearfarError as error:
             return Ended(error=str(error))
         except MemoryError:
@@ -59,7 +59,7 @@ class Worker:
         except Exception as error:
             return Ended(error=f"{type(error).__name__}: {error}")
 
-    def _localize(self, task: LocalizeTask) -> Ended:
+    def _localize(self, task: LocalizePair) -> Ended:
         settings = Settings(max_effort=task.max_effort, max_pixels=task.max_pixels)
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
@@ -73,7 +73,7 @@ class Worker:
         parts += [] if found.confidence is None else [f"confidence {found.confidence:.0%}"]
         return Ended(summary=", ".join(parts), found=True)
 
-    def _locate(self, task: LocateTask) -> Ended:
+    def _locate(self, task: LocateInMap) -> Ended:
         self._notify_stage("searching the map")
         map_ = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
         from nearfar.maps.files import file_of
@@ -98,7 +98,7 @@ class Worker:
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
 
 
-def _is_served(file: Location, task: LocateTask) -> bool:
+def _is_served(file: Location, task: LocateInMap) -> bool:
     """Whether a file lies in a served folder, links followed."""
     return isinstance(file, Path) and any(
         file.resolve().is_relative_to(folder) for folder in task.served
@@ -113,7 +113,7 @@ WITHOUT_MATCHES = frozenset({"geojson", "kitti", "tum"})
 """Formats that have no place for matched points."""
 
 
-def exported(task: ExportTask) -> list[Outcome]:
+def exported(task: ExportAnswer) -> list[Outcome]:
     """Write an answer in each format, or say why a format cannot be written.
 
     Raises:
@@ -126,13 +126,13 @@ def exported(task: ExportTask) -> list[Outcome]:
     return [_written(name, subject, task) for name in task.formats or EXPORTERS.names()]
 
 
-def _image(image: ImageInfo, task: ExportTask) -> Image:
+def _image(image: ImageInfo, task: ExportAnswer) -> Image:
     if task.images == "blank" or image.path is None:
         return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
     return read_image(image.path, max_size=Settings().max_size, max_pixels=task.max_pixels)
 
 
-def _written(name: str, subject: Subject, task: ExportTask) -> Outcome:
+def _written(name: str, subject: Subject, task: ExportAnswer) -> Outcome:
     file = ""
     try:
         writer = registered_exporter(name)

@@ -48,7 +48,7 @@ def app_command(
     require("app", *PACKAGES)
     from nearfar.app.configuration import (
         MEGABYTE,
-        Configuration,
+        AppConfiguration,
         Limits,
         default_data,
         is_loopback,
@@ -60,7 +60,7 @@ def app_command(
         token = secrets.token_urlsafe(24)
     limits = Limits(upload_bytes=max_upload * MEGABYTE, pixels=max_pixels)
     kept = (data or default_data()).resolve()
-    configuration = Configuration(folders, kept, host, token, limits)
+    configuration = AppConfiguration(folders, kept, host, token, limits)
     with listen(host, port) as listening:
         chosen = listening.getsockname()[1]
         shown = f"[{host}]" if ":" in host else host

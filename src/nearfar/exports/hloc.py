@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
-from nearfar.exports.subject import ImageNames, IndexedMatches, Keypoints, distinct, indexed_in
+from nearfar.exports.subject import (
+    ImageNames,
+    IndexedMatches,
+    KeypointArray,
+    distinct_points,
+    indexed_in,
+)
 from nearfar.localization import Localization
 from nearfar.runtime import require
 from nearfar.settings import Settings
@@ -59,7 +65,7 @@ class NamedLocalization:
 
 @dataclass(frozen=True, eq=False)
 class _Features:
-    keypoints: Keypoints
+    keypoints: KeypointArray
     size: tuple[int, int]
 
 
@@ -107,7 +113,9 @@ def _features(pairs: Sequence[NamedLocalization]) -> dict[str, _Features]:
         ):
             points.setdefault(name, []).append(xy)
             sizes[name] = image.width, image.height
-    return {name: _Features(distinct(np.vstack(xy)), sizes[name]) for name, xy in points.items()}
+    return {
+        name: _Features(distinct_points(np.vstack(xy)), sizes[name]) for name, xy in points.items()
+    }
 
 
 def _write_pair(group: Any, matches: IndexedMatches) -> None:

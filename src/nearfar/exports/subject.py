@@ -15,7 +15,7 @@ from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.image import FORMATS, ImagePair, quiet_pillow
 from nearfar.localization import Localization, PointMatches, read_images
 
-Keypoints = NDArray[np.float32]
+KeypointArray = NDArray[np.float32]
 """(N, 2), x and y in pixels, each point once; (0, 0) is the centre of the top left pixel."""
 
 
@@ -30,13 +30,13 @@ class IndexedMatches:
         inliers: (M,) which pairs agree with the model.
     """
 
-    near: Keypoints
-    far: Keypoints
+    near: KeypointArray
+    far: KeypointArray
     pairs: IndexPairs
     inliers: Mask
 
 
-def distinct(points: NDArray[np.floating]) -> Keypoints:
+def distinct_points(points: NDArray[np.floating]) -> KeypointArray:
     """Return each finite one of (N, 2) points once, in single precision, sorted."""
     single = _single(points)
     return np.unique(single[np.isfinite(single).all(axis=1)], axis=0)
@@ -44,10 +44,10 @@ def distinct(points: NDArray[np.floating]) -> Keypoints:
 
 def indexed(points: PointMatches) -> IndexedMatches:
     """Return the matches of one pair of images as pairs of keypoints of their own."""
-    return indexed_in(points, distinct(points.near), distinct(points.far))
+    return indexed_in(points, distinct_points(points.near), distinct_points(points.far))
 
 
-def indexed_in(points: PointMatches, near: Keypoints, far: Keypoints) -> IndexedMatches:
+def indexed_in(points: PointMatches, near: KeypointArray, far: KeypointArray) -> IndexedMatches:
     """Return matches as pairs of given keypoints, as tools for structure from motion read them.
 
     A keypoint is in one match at most: in an inlier before others, else in the first.
@@ -67,11 +67,11 @@ def indexed_in(points: PointMatches, near: Keypoints, far: Keypoints) -> Indexed
     return IndexedMatches(near, far, every[kept], inliers[kept])
 
 
-def _single(points: NDArray[np.floating]) -> Keypoints:
+def _single(points: NDArray[np.floating]) -> KeypointArray:
     return np.asarray(points, np.float32).reshape(-1, 2) + np.float32(0)  # -0 becomes 0.
 
 
-def _positions(points: NDArray[np.floating], keypoints: Keypoints) -> NDArray[np.intp]:
+def _positions(points: NDArray[np.floating], keypoints: KeypointArray) -> NDArray[np.intp]:
     row_of = {xy.tobytes(): row for row, xy in enumerate(keypoints)}
     return np.array([row_of[xy.tobytes()] for xy in _single(points)], np.intp)
 

@@ -10,7 +10,7 @@ from nearfar.geometry.homography import outline, scaling, transform, translation
 from nearfar.imaging.image import ImagePair
 from nearfar.imaging.overlap import polygon_area, polygon_intersection
 from nearfar.localization import Localization
-from nearfar.render.draw import DARK, MARK, WHITE, faded, inside, polygon, rendered, segments
+from nearfar.render.draw import DARK, MARK, WHITE, faded, polygon, polygon_cover, rendered, segments
 from nearfar.render.page import GAP, MARGIN, TITLE, Caption, Entry, Panel, composed, panel
 
 _SQUARES = 12
@@ -243,7 +243,7 @@ def footprint_page(
 def _outline(pixels: RGBPixels, corners: Coordinates) -> None:
     """Darken what lies outside a quadrangle and draw its sides, white under colour."""
     small = np.ptp(corners, axis=0).min() < _SMALL
-    bright = _DIMMED + (1 - _DIMMED) * inside(pixels.shape, corners)[..., np.newaxis]
+    bright = _DIMMED + (1 - _DIMMED) * polygon_cover(pixels.shape, corners)[..., np.newaxis]
     np.copyto(pixels, np.rint(pixels * bright).astype(np.uint8))
     polygon(pixels, corners, MARK, 2 if small else 3, casing=WHITE)
 

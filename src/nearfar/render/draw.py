@@ -151,7 +151,7 @@ def polygon(
         )
 
 
-def inside(shape: tuple[int, ...], corners: Coordinates) -> NDArray[np.float32]:
+def polygon_cover(shape: tuple[int, ...], corners: Coordinates) -> NDArray[np.float32]:
     """Return the (height, width) share, 0..1, of each pixel that lies in a convex polygon."""
     height, width = shape[:2]
     cover = np.zeros((height, width), np.uint8)

@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from nearfar.app.annotations import AnnotationStore
-from nearfar.app.configuration import Configuration
+from nearfar.app.configuration import AppConfiguration
 from nearfar.app.files import Uploads
 from nearfar.app.formats import Formats
 from nearfar.app.jobs import JobStore
@@ -19,7 +19,7 @@ from nearfar.app.runner import Runner
 class Services:
     """The parts of the app, which live as long as the server."""
 
-    configuration: Configuration
+    configuration: AppConfiguration
     uploads: Uploads
     library: Library
     renditions: Renditions
@@ -29,7 +29,7 @@ class Services:
     formats: Formats
 
     @staticmethod
-    def of(configuration: Configuration) -> "Services":
+    def of(configuration: AppConfiguration) -> "Services":
         """Open the folder in which the app keeps its data.
 
         Raises:

@@ -23,7 +23,7 @@ from nearfar.app.errors import ConflictError
 from nearfar.app.formats import image_names
 from nearfar.app.jobs import Reference
 from nearfar.app.pair_files import (
-    Images,
+    ImageFiles,
     add_to_benchmark,
     checked_points,
     pair_json,
@@ -151,8 +151,8 @@ def add(held: Held, annotation_id: str, destination: Destination) -> Written:
     return Written(held.library.reference(written), f"{folder.name}/{annotation.name}/pair.json")
 
 
-def _images(held: Services, annotation: Annotation) -> Images:
-    return Images(held.library.file(annotation.far), held.library.file(annotation.near))
+def _images(held: Services, annotation: Annotation) -> ImageFiles:
+    return ImageFiles(held.library.file(annotation.far), held.library.file(annotation.near))
 
 
 def _opened(annotation: Annotation) -> OpenAnnotation:
