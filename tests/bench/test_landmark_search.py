@@ -6,18 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from nearfar.bench.studies.landmark_search import average_precision, first_right
+from nearfar.bench.studies.landmark_search import average_precision, first_correct
 
 RANKINGS = st.lists(st.booleans(), max_size=30).map(lambda right: np.array(right, np.bool_))
 
 
 def test_examples() -> None:
     right = np.array([False, True, False, True])
-    assert first_right(right) == 2
+    assert first_correct(right) == 2
     assert average_precision(right, 2) == pytest.approx((1 / 2 + 2 / 4) / 2)
     assert average_precision(right, 4) == pytest.approx((1 / 2 + 2 / 4) / 4)
-    assert first_right(right[:1]) is None
-    assert first_right(right[:0]) is None
+    assert first_correct(right[:1]) is None
+    assert first_correct(right[:0]) is None
     assert average_precision(right[:1], 3) == 0
 
 
@@ -33,8 +33,8 @@ def test_average_precision_is_one_for_a_perfect_ranking_alone(right: NDArray[np.
 
 
 @given(RANKINGS)
-def test_the_first_right_answer_is_right(right: NDArray[np.bool_]) -> None:
-    rank = first_right(right)
+def test_the_first_correct_answer_is_right(right: NDArray[np.bool_]) -> None:
+    rank = first_correct(right)
     if rank is None:
         assert not right.any()
     else:

@@ -16,7 +16,7 @@ from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.runner import run
 from nearfar.bench.studies.kitti import find_kitti_cases
-from nearfar.bench.studies.sweep import Grid, Result, first_pairs, run_sweep, sweep_table
+from nearfar.bench.studies.sweep import Grid, Score, first_pairs, run_sweep, sweep_table
 from nearfar.bench.studies.tap_features import TapFeatures, VectorFile, taps_of
 from nearfar.cli import main
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
@@ -239,7 +239,7 @@ def test_nothing_is_run_without_weights(
 def test_table() -> None:
     grid = Grid("squeezenet", ("fire2",), (64, 32), (SUM,))
     results = [
-        Result("pairs", name, "run", None, 9, strict, 9)
+        Score("pairs", name, "run", None, 9, strict, 9)
         for strict, name in enumerate(grid.descriptors)
     ]
     assert sweep_table(grid, results).splitlines() == [

@@ -25,69 +25,69 @@ from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import read_image
 from nearfar.localization import Localization
 
-STRICT_PX, LOOSE_EPIPOLAR_PX = 3.0, 6.0
+STRICT_PX = 3.0
+"""Limit of a strict success, in pixels."""
+LOOSE_EPIPOLAR_PX = 6.0
+"""Limit of a loose success of a fundamental matrix, in pixels."""
 LOOSE_SHARE = 0.1
-"""Loose success of a homography: error below this share of the true footprint's diagonal."""
+"""Limit of a loose success of a homography, as a share of the true footprint's diagonal."""
 STRICT_DEGREES = 5.0
+"""Limit of a success of a pose, in degrees."""
 PAPER_POINTS = 10
-"""Points that the paper's symmetric transfer error sums up."""
+"""Number of points over which the paper sums its symmetric transfer error."""
 
 Columns = dict[str, float | bool | None]
 
 
 @dataclass(frozen=True)
-class HomographyErrors:
-    """Errors of a homography at the true points, in pixels of the original images.
+class PointErrors:
+    """Errors at the true points, in pixels of the original images.
+
+    They are transfer errors of a homography from near to far, or symmetric epipolar distances.
 
     Attributes:
-        error: mean transfer error from near to far.
-        strict: success: the error is below 3 pixels.
-        loose: the error is below 10 % of the true footprint's diagonal, but at least 3 pixels.
-        median_error: median transfer error from near to far.
-        ste: symmetric transfer error, a sum over the points scaled to 10 of them; the paper's
-            value for a failure where there is no homography.
-        ste_published: the same without the homogeneous division, as in the authors' code.
+        error: mean error.
+        strict: whether the mean error is below 3 pixels.
+        loose: whether it is below 10 % of the true footprint's diagonal and at least below 3 pixels
+            (homography), or below 6 pixels (fundamental matrix).
+        median_error: median error.
     """
 
     error: float = np.inf
     strict: bool = False
     loose: bool = False
     median_error: float = np.inf
+
+
+@dataclass(frozen=True)
+class HomographyErrors(PointErrors):
+    """Errors of a homography, also as the paper sums them up.
+
+    Attributes:
+        ste: symmetric transfer error, a sum over the points scaled to 10 points. Without a
+            homography it is the paper's value for a failure.
+        ste_published: symmetric transfer error without the homogeneous division, as in the
+            authors' code.
+    """
+
     ste: float = PAPER_FAILURE_STE
     ste_published: float = PAPER_FAILURE_STE
 
 
 @dataclass(frozen=True)
-class EpipolarErrors:
-    """Errors of a fundamental matrix at the true points, in pixels of the original images.
-
-    Attributes:
-        error: mean symmetric epipolar distance.
-        strict: success: the error is below 3 pixels.
-        loose: the error is below 6 pixels.
-        median_error: median symmetric epipolar distance.
-    """
-
-    error: float = np.inf
-    strict: bool = False
-    loose: bool = False
-    median_error: float = np.inf
-
-
-@dataclass(frozen=True)
 class PoseErrors:
-    """Errors of a relative pose; the paper's are 1 where there is no pose.
+    """Errors of a relative pose; without a pose, the paper's errors are 1.
 
     Attributes:
         error: the larger of both angles, in degrees.
-        strict: success: the error is below 5 degrees.
-        loose: the same.
+        strict: whether the error is below 5 degrees.
+        loose: equal to `strict`.
         rotation_degrees: angle between the rotations.
         translation_degrees: angle between the directions of translation.
         r_err: the paper's error of the rotation.
         t_err_unit: the paper's error of the translation, with the unit length of the estimate.
-        t_err_length: the same with the true length, so that only the direction counts.
-        t_err_stereo: the same with the length from stereo; None without a right image.
+        t_err_length: that error with the true length, so that only the direction counts.
+        t_err_stereo: that error with the length from stereo; None without a right image.
     """
 
     error: float = np.inf
@@ -102,7 +102,7 @@ class PoseErrors:
 
 
 def evaluate(case: Case, found: Localization) -> Columns:
-    """Compare a localization with the truth."""
+    """Compare a localization with the truth, and return the errors as columns of a row."""
     model = found.far_from_near
     if model is None:
         return failure_columns(case)
@@ -114,24 +114,24 @@ def evaluate(case: Case, found: Localization) -> Columns:
     distances = symmetric_epipolar_distances(model, case.far_points, case.near_points)
     error = float(distances.mean())
     return _columns(
-        EpipolarErrors(
+        PointErrors(
             error, error < STRICT_PX, error < LOOSE_EPIPOLAR_PX, float(np.median(distances))
         )
     )
 
 
 def failure_columns(case: Case) -> Columns:
-    """The errors of a case without an answer."""
+    """Return the errors of a case without an answer."""
     if case.model == "pose":
         return _columns(PoseErrors(t_err_stereo=None if case.stereo is None else 1.0))
-    return _columns(HomographyErrors() if case.model == "homography" else EpipolarErrors())
+    return _columns(HomographyErrors() if case.model == "homography" else PointErrors())
 
 
 def true_diagonal(case: Case, near_width: int, near_height: int) -> float:
-    """Mean diagonal of the near image's true outline in the far image, in pixels.
+    """Return the mean diagonal of the near image's true outline in the far image, in pixels.
 
-    The true homography is the least-squares one through the true points; 0 where the horizon
-    crosses the near image.
+    The true homography is fitted to the true points by least squares. The diagonal is 0 where the
+    horizon crosses the near image.
     """
     homography, _ = cv2.findHomography(case.near_points, case.far_points, 0)
     corners = footprint(homography, near_width, near_height)
@@ -187,8 +187,8 @@ def _pose_errors(case: Case, pose: RelativePose, found: Localization) -> PoseErr
     )
 
 
-def _columns(errors: HomographyErrors | EpipolarErrors | PoseErrors) -> Columns:
-    """Columns of a row: what is not finite has no value in JSON."""
+def _columns(errors: PointErrors | PoseErrors) -> Columns:
+    """Return the columns of a row; values that are not finite become None."""
     return {
         name: None if isinstance(value, float) and not np.isfinite(value) else value
         for name, value in asdict(errors).items()
@@ -196,19 +196,19 @@ def _columns(errors: HomographyErrors | EpipolarErrors | PoseErrors) -> Columns:
 
 
 DISPARITIES, BLOCK_SIZE = 128, 15
-"""Range and window of the block matching, in pixels."""
+"""Range of disparities and side of the window of the block matching, in pixels."""
 
 
 def metric_scale(pose: RelativePose, found: Localization, case: Case) -> float | None:
-    """Metres per unit of the translation: median of stereo depth over triangulated depth.
+    """Estimate metres per unit of the translation: median of stereo over triangulated depth.
 
     Args:
         pose: relative pose with a translation of unit length.
-        found: the localization, for its inliers.
-        case: has the right image of the far camera and both intrinsics.
+        found: the localization, whose inliers are used.
+        case: case with a stereo camera and intrinsics.
 
     Returns:
-        The scale, or None where no inlier has a depth from both.
+        The scale, or None where no inlier has both depths.
     """
     if case.stereo is None or case.intrinsics is None:
         raise ValueError(f"case {case.name} has no stereo camera")
@@ -230,7 +230,7 @@ def triangulated_depth(
     far_camera: CameraIntrinsics,
     near_camera: CameraIntrinsics,
 ) -> NDArray[np.float64]:
-    """(N,) depths in the far camera of (N, 2) matched points, in units of the translation."""
+    """Triangulate (N, 2) matched points: (N,) depths in the far camera, in translations."""
     near_from_far = np.column_stack([pose.rotation.T, -pose.rotation.T @ pose.translation])
     points = cv2.triangulatePoints(
         far_camera.matrix @ np.eye(3, 4), near_camera.matrix @ near_from_far, far.T, near.T
@@ -242,7 +242,7 @@ def triangulated_depth(
 def stereo_depth(
     left: NDArray[np.uint8], right: NDArray[np.uint8], xy: Coordinates, focal_baseline: float
 ) -> NDArray[np.float64]:
-    """(N,) depths in metres at (N, 2) pixels of the left image; NaN where nothing matches.
+    """Measure (N,) depths in metres at (N, 2) pixels of the left image; NaN without a match.
 
     Args:
         left: (height, width, 3).

@@ -13,7 +13,7 @@ from nearfar.errors import BenchmarkError
 from nearfar.storage.rows import Row
 
 _NAMED = {"true_scale_change", "inliers", "matches", "landmark_matches", "scale_change", "error"}
-"""Numbers of a row that are no measures: the report shows them elsewhere or not at all."""
+"""Numbers of a row that are no measures; they have fields or are left out of reports."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class Result:
             row: has at least the texts `case` and `method`.
         """
         if "log10_false_alarms" in row:  # The name in version 0.1.0.
-            row = {**row, "log10_nfa": row["log10_false_alarms"]}
+            names = {"log10_false_alarms": "log10_nfa"}
+            row = {names.get(name, name): value for name, value in row.items()}
         numbers = {name: number for name in row if (number := _number(row[name])) is not None}
         homography = _table(row.get("far_from_near")).get("homography")
         descriptor = row.get("descriptor")
@@ -133,13 +134,13 @@ class RunRecord:
     """How the results of a run were made, from `run.json`.
 
     Attributes:
-        folder: name of the run's folder.
-        version: of nearfar.
+        folder: name of the folder of results.
+        version: version of nearfar.
         commands: command lines.
-        environment: facts of the machine by name.
-        packages: versions by name.
+        environment: properties of the machine by name.
+        packages: versions of packages by name.
         settings: tables of settings by their hash.
-        licences: texts by name of the set of images.
+        licences: licence texts by the name of the set of images.
     """
 
     folder: str
@@ -155,7 +156,7 @@ def load_benchmarks(folders: Sequence[Path]) -> list[Benchmark]:
     """Read the benchmarks in result folders; files of the same name are one benchmark.
 
     Raises:
-        BenchmarkError: a folder does not exist, or there are no results in any.
+        BenchmarkError: a folder does not exist, or no folder holds results.
     """
     files: dict[str, list[Path]] = {}
     for folder in folders:

@@ -78,47 +78,40 @@ def resume(
 ) -> list[Row]:
     """Compute the rows that a result file lacks, and append each as soon as it is there.
 
-    A row is reused where its settings, its images, its ground truth and the source of plug-ins
-    from outside have not changed. Rows of nearfar 0.1.0 do not name their images: these count as
+    A row is reused if its settings, its images, its ground truth and the source of plug-ins from
+    outside have not changed. Rows of nearfar 0.1.0 do not name their images, which count as
     unchanged. Rows with errors are retried. The error output tells how many rows are reused and
-    retried. Of several rows with the same identity the last counts.
+    retried. The last of several rows with the same identity counts.
 
-    A task that raises an error, or kills its worker, gets a row with the reason, and the run goes
-    on. Results are the same for any number of workers, times aside.
+    A task that raises an error or kills its worker gets a row with the reason, and the run goes
+    on. Apart from times, results do not depend on the number of workers.
 
     Args:
-        file: JSON Lines, one row a line; made where missing. `run.json` beside it holds the
-            settings, the environment, and the metrics of each run.
+        file: JSON Lines; it is made where missing. `run.json` beside it holds the settings, the
+            environment, and the metrics of each run.
         wanted: a task for each row.
         compute: returns the remaining columns of a row, `status` among them; a module's function.
         settings: all settings of the run, for `run.json`.
         identity: the columns that identify a row.
-        workers: where the work is done; None: this process.
+        workers: processes that do the work; None: this process.
         case_at_once: hand the tasks of one case that follow each other to one worker.
 
     Returns:
-        The row of each task, in their order.
+        The rows of the tasks, in the order of the tasks.
 
     Raises:
-        OSError: a result cannot be written; those before it are kept.
+        OSError: a row cannot be written; the rows before it are kept.
         StorageError: the object storage of the file does not answer.
     """
     meter = Meter()
     rows = {_identity(row, identity): row for row in read_rows(file)}
     tasks = {_identity(task.start, identity): task for task in wanted}
-    todo = [task for each, task in tasks.items() if not _is_done(rows.get(each), task)]
+    todo = {each: task for each, task in tasks.items() if not _is_done(rows.get(each), task)}
     meter.skipped = len(wanted) - len(todo)
-    earlier = [
-        rows[each] for each in (_identity(task.start, identity) for task in todo) if each in rows
-    ]
-    if meter.skipped or earlier:
-        errors = sum(map(_is_error, earlier))
-        logs.say(
-            f"reused {meter.skipped} rows of {file}; to run: {len(todo)}, among them {errors} with "
-            f"errors before and {len(earlier) - errors} with changed images"
-        )
-    logs.event("run started", results=str(file), todo=len(todo), skipped=meter.skipped)
-    groups = itertools.groupby(todo, lambda task: task.case.name if case_at_once else task)
+    _say_what_is_reused(
+        file, meter.skipped, len(todo), [rows[each] for each in todo if each in rows]
+    )
+    groups = itertools.groupby(todo.values(), lambda task: task.case.name if case_at_once else task)
     batches = [tuple(own) for _, own in groups]
     with row_file(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, settings)
@@ -137,6 +130,24 @@ def resume(
     return [rows[_identity(task.start, identity)] for task in wanted]
 
 
+def _say_what_is_reused(file: Location, reused: int, todo: int, before: Sequence[Row]) -> None:
+    """Tell how many rows are reused, and how many of those to compute are in the file.
+
+    Args:
+        file: the result file.
+        reused: number of rows that are reused.
+        todo: number of rows to compute.
+        before: the rows in the file that are computed again.
+    """
+    if reused or before:
+        errors = sum(map(_is_error, before))
+        logs.say(
+            f"reused {reused} rows of {file}; to run: {todo}, among them {errors} with errors "
+            f"before and {len(before) - errors} with changed images"
+        )
+    logs.event("run started", results=str(file), todo=todo, skipped=reused)
+
+
 def _identity(row: Row, columns: tuple[str, ...]) -> tuple[Hashable, ...]:
     return tuple(row[column] for column in columns)
 
@@ -146,7 +157,7 @@ def _is_error(row: Row | None) -> bool:
 
 
 def _is_done(row: Row | None, task: Task) -> bool:
-    """Whether a row is no error and is of the task's images and ground truth."""
+    """Tell whether a row has no error and belongs to the task's images and ground truth."""
     if row is None or _is_error(row):
         return False
     data: str = task.start["data"]
@@ -154,15 +165,15 @@ def _is_done(row: Row | None, task: Task) -> bool:
 
 
 def _is_new_error(row: Row, before: Row | None) -> bool:
-    """Whether the row before was no error, or of other images."""
+    """Tell whether the row before had no error, or belonged to other images."""
     return before is None or not _is_error(before) or before.get("data") != row["data"]
 
 
 def _rows(compute: Callable[[T], Row], tasks: Sequence[T]) -> list[Row]:
-    """Return the rows of tasks; whatever goes wrong with one is recorded in its row.
+    """Compute the rows of tasks; a failure of one task is recorded in its row.
 
     Raises:
-        OSError: the disk is full, which is no task's fault.
+        OSError: the disk is full, which ends the run.
     """
     return [task.start | _columns(compute, task) for task in tasks]
 
@@ -223,7 +234,7 @@ def run(
         cases: the cases.
         settings: one for each method to compare.
         file: JSON Lines, one line a case and setting.
-        workers: where the work is done; None: this process.
+        workers: processes that do the work; None: this process.
         features: folder in which features of images are kept between processes and runs.
         measure: case, method -> columns of the row; a function of a module.
         code: hash of the source of `measure` where it is not of this package, else empty.
@@ -232,7 +243,7 @@ def run(
         The results of these cases and settings.
 
     Raises:
-        OSError: a result cannot be written; those before it are kept.
+        OSError: a row cannot be written; the rows before it are kept.
         StorageError: the object storage of the file does not answer.
     """
     _localizer.cache_clear()  # An earlier run's may hold a plug-in that has changed since.
@@ -293,5 +304,5 @@ def localize_case(task: LocalizeTask) -> Row:
 
 @functools.lru_cache(maxsize=1)
 def _localizer(settings: Settings, features: Path | None) -> Localizer:
-    """The localizer of this process."""
+    """Return the localizer of this process."""
     return Localizer(settings, store=None if features is None else FeatureStore(features))

@@ -1,7 +1,7 @@
-"""Result files: JSON Lines, appended line by line, and what belongs beside them.
+"""Result files in JSON Lines, and the record of their runs, `run.json`.
 
-A file of object storage cannot grow. Rows are written there as parts, `FILE.parts/...`, which
-are joined to the file at the end; a run that was killed leaves parts, which count as well.
+A file in object storage cannot grow. Rows are written there as parts, `FILE.parts/...`, and joined
+to the file at the end of a run. The parts that a killed run leaves are read as well.
 """
 
 import dataclasses
@@ -18,7 +18,6 @@ import uuid
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from nearfar.errors import BenchmarkError, StorageError
@@ -37,16 +36,13 @@ ADDED = ("detector", "matcher")
 """Settings that nearfar 0.1.0 did not have. Their defaults are left out of the hash of settings, so
 that its rows resume."""
 PART_SECONDS = 10.0
-"""Rows for object storage are kept so long in memory; what a killed run loses there."""
+"""Seconds for which rows for object storage are kept in memory; a killed run loses these rows."""
 JOINING_ATTEMPTS = 5
-"""Where several runs join their parts to one file at the same time."""
+"""Largest number of attempts to join parts, while other runs join theirs to the same file."""
 
 
 def settings_table(settings: Settings) -> dict[str, Any]:
-    """Settings for JSON, with the SHA-256 of what makes results with them beside this package.
-
-    That is the SHA-256 of weights files, of the model that ships, and of plug-ins from outside.
-    """
+    """Return settings for JSON, with the SHA-256 of weights, the shipped model and plug-ins."""
     content = dataclasses.asdict(settings)
     del content["constants"]
     if constants := settings.constants.table():
@@ -68,17 +64,17 @@ def settings_table(settings: Settings) -> dict[str, Any]:
 
 
 def settings_key(settings: Settings) -> str:
-    """A short hash of `settings_table`; the code of this package and images are no part of it."""
+    """Return a short hash of `settings_table`; it does not cover this package's code or images."""
     text = json.dumps(settings_table(settings), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def read_rows(file: Location) -> list[Row]:
-    """The complete rows of a result file; a last line cut short by a crash is left out.
+    """Read the complete rows of a result file, without a last line that a crash cut short.
 
     Raises:
-        BenchmarkError: it holds something else.
-        StorageError: it is in object storage that does not answer.
+        BenchmarkError: the file holds something else than rows.
+        StorageError: the object storage of the file does not answer.
     """
     try:
         if isinstance(file, Url):
@@ -96,19 +92,19 @@ def read_rows(file: Location) -> list[Row]:
 
 
 def row_file(file: Location) -> "RowFile | PartedRowFile":
-    """The result file to write to.
+    """Open the result file at a place for appending.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: the file cannot be made.
     """
     return PartedRowFile(file) if isinstance(file, Url) else RowFile(file)
 
 
 class RowFile:
-    """A result file that grows by one complete line at a time.
+    """A result file on a disk, which grows by one complete line at a time.
 
     Args:
-        file: made where missing; what a crash left of a last line is cut off.
+        file: path of the file; it is made where missing. An incomplete last line is cut off.
     """
 
     def __init__(self, file: Path) -> None:
@@ -121,7 +117,7 @@ class RowFile:
         """Write one row to the disk.
 
         Raises:
-            OSError: it cannot be written; what stood in the file before is kept.
+            OSError: the row cannot be written; the rows before it are kept.
         """
         self._out.write(json.dumps(row, allow_nan=False).encode() + b"\n")
         self._out.flush()
@@ -130,20 +126,15 @@ class RowFile:
     def __enter__(self) -> "RowFile":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._out.close()
 
 
 class PartedRowFile:
-    """A result file in object storage.
+    """A result file in object storage, which is written in parts.
 
     Args:
-        file: made where missing.
+        file: URL of the file; it is made where missing.
     """
 
     def __init__(self, file: Url) -> None:
@@ -154,10 +145,10 @@ class PartedRowFile:
         self._next = 0.0
 
     def append(self, row: Row) -> None:
-        """Keep one row, and write those kept after a while.
+        """Keep one row; every `PART_SECONDS`, write the rows kept.
 
         Raises:
-            StorageError: they cannot be written; those before them are kept.
+            StorageError: the rows cannot be written; the parts before are kept.
         """
         self._lines.append(json.dumps(row, allow_nan=False))
         if time.monotonic() >= self._next:
@@ -167,13 +158,8 @@ class PartedRowFile:
     def __enter__(self) -> "PartedRowFile":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if isinstance(error, StorageError):  # It would not take the rest either.
+    def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
+        if isinstance(error, StorageError):  # The storage would not take the other rows either.
             return
         self._write()
         _join(self._file)
@@ -195,9 +181,9 @@ def _parts(file: Url) -> list[Url]:
 
 
 def _joined(file: Url, parts: Sequence[Url]) -> tuple[dict[str, None], str | None]:
-    """The lines of a file and its parts, each once, and the version of the file, if there is one.
+    """Read the lines of a file and its parts, each once, and the version of the file, if any.
 
-    A line is in both where a run was killed between joining and removing its parts.
+    A run that was killed between joining and removing its parts leaves the same line in both.
     """
     version = None
     lines: dict[str, None] = {}
@@ -207,7 +193,7 @@ def _joined(file: Url, parts: Sequence[Url]) -> tuple[dict[str, None], str | Non
     except FileNotFoundError:
         pass
     for part in parts:
-        with suppress(FileNotFoundError):  # Another run has joined it meanwhile.
+        with suppress(FileNotFoundError):  # Another run has joined this part meanwhile.
             lines.update(dict.fromkeys(part.read_text().splitlines()))
     return lines, version
 
@@ -231,11 +217,11 @@ def _join(file: Url) -> None:
 
 
 def record_run(folder: Location, settings: Sequence[Settings]) -> None:
-    """Write or complete `run.json`: version, environment, earlier ones, commands, settings by key.
+    """Write or complete `run.json`: versions, environment, commands, and settings by their key.
 
     Raises:
-        BenchmarkError: there is a `run.json` that cannot be read.
-        OSError: it cannot be written.
+        BenchmarkError: the folder has a `run.json` that cannot be read.
+        OSError: `run.json` cannot be written.
     """
     known = _recorded(folder)
     command = shlex.join(["nearfar", *sys.argv[1:]])
@@ -267,12 +253,12 @@ def record_run(folder: Location, settings: Sequence[Settings]) -> None:
 
 
 def record_metrics(folder: Location, file: str, metrics: RunMetrics) -> None:
-    """Add to `runs` of `run.json` what a run took.
+    """Add the time and the counts of a run to `runs` of `run.json`.
 
     Args:
-        folder: of the results.
+        folder: folder of the results.
         file: name of the result file.
-        metrics: of the run.
+        metrics: time and counts of the run.
     """
     known = _recorded(folder)
     run = {"results": file, **metrics.to_dict()}
@@ -280,7 +266,7 @@ def record_metrics(folder: Location, file: str, metrics: RunMetrics) -> None:
 
 
 def _without_infinity(table: dict[str, Any]) -> dict[str, Any]:
-    """Settings in what standard JSON can hold."""
+    """Replace infinities, which standard JSON does not know."""
     return {name: "inf" if value == math.inf else value for name, value in table.items()}
 
 

@@ -16,11 +16,11 @@ from nearfar.models import ModelKind
 
 
 def name_below(folder: Path, root: Path) -> str:
-    """What a folder is called in the names of cases: its path below the root.
+    """Return the name of a folder in the names of cases: its path below the root.
 
     Args:
         folder: the root or a folder below it.
-        root: the folder of all cases; as a case's folder it goes by its own name.
+        root: the folder of all cases; a case in the root itself has the root's name.
     """
     if folder != root:
         return folder.relative_to(root).as_posix()
@@ -39,10 +39,10 @@ def scene(name: str) -> str:
 
 @dataclass(frozen=True)
 class Stereo:
-    """The right camera beside the far one, rectified to it.
+    """The right camera of a rectified stereo pair, whose left camera took the far image.
 
     Attributes:
-        right: path of its image.
+        right: path of the right image.
         baseline: distance between both cameras in metres.
     """
 
@@ -56,7 +56,7 @@ class Case:
 
     Attributes:
         name: unique in its benchmark, e.g. "homogr/boat".
-        group: what results are summed up by, e.g. "homogr".
+        group: group in which results are summed up, e.g. "homogr".
         far: path of the far image.
         near: path of the near image.
         model: kind of model to estimate.
@@ -64,9 +64,9 @@ class Case:
         far_points: (N, 2) true points of the far image; empty for a pose.
         near_points: (N, 2) the corresponding points of the near image.
         pose: the true pose in metres; None unless the model is a pose.
-        intrinsics: of both cameras; None unless the model is a pose.
-        stereo: the right camera beside the far one; None where there is none.
-        tags: what else a result is told apart or grouped by, e.g. {"factor": 4}.
+        intrinsics: intrinsics of both cameras; None unless the model is a pose.
+        stereo: the right camera of the far image; None without stereo.
+        tags: further properties of the case by name, e.g. {"factor": 4}.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Case:
     tags: Mapping[str, str | float] = field(default_factory=dict)
 
     def content_hash(self) -> str:
-        """SHA-256 of the images' files and the ground truth; a missing file counts as empty."""
+        """Return a hash of the image files and the ground truth; a missing file counts as empty."""
         digest = hashlib.sha256()
         right = () if self.stereo is None else (self.stereo.right,)
         for image in (self.far, self.near, *right):
@@ -99,7 +99,7 @@ class Case:
 
 
 def _file_hash(file: Path) -> str:
-    """SHA-256 of a file, kept for as long as its size and time of change stay."""
+    """Return the SHA-256 of a file; it is cached until its size or modification time changes."""
     try:
         state = file.stat()
     except OSError:

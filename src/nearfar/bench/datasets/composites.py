@@ -17,23 +17,23 @@ from nearfar.geometry.homography import normalized, outline, transform, translat
 from nearfar.imaging.image import read_image
 
 SCENE_SIZE = (1200, 900)
-"""Width and height of a scene; a side that cannot hold the photograph grows until it does."""
+"""Smallest width and height of a scene in pixels; a side grows to hold the photograph."""
 TILTS = (45.0, 70.0)
-"""Smallest and largest tilt in degrees."""
+"""Smallest and largest tilt, in degrees."""
 FOCAL_LENGTH = 1.2
-"""Of the camera that sees the tilted photograph, in longer sides of the photograph."""
+"""Focal length of the camera that sees the tilted photograph, in longer sides of the photograph."""
 _ROUNDING = 1e-6
-"""Lengths that exceed a whole number of pixels by less do not need another one."""
+"""Excess over a whole number of pixels, in pixels, that is rounding and needs no further pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where a photograph lies in a scene.
+    """The placement of a photograph in a scene.
 
     Attributes:
         scene_from_photo: homography that maps pixels of the photograph to pixels of the scene.
         width: width of the scene in pixels.
-        height: height of the scene.
+        height: height of the scene in pixels.
         tilt: angle in degrees between the photograph and the image plane.
     """
 
@@ -44,7 +44,7 @@ class View:
 
 
 def random_generator(seed: int, *names: str) -> np.random.Generator:
-    """Random numbers that depend on the seed and the names alone, not on any order of calls."""
+    """Return a generator that depends on the seed and the names, not on the order of calls."""
     digest = hashlib.sha256("\0".join([str(seed), *names]).encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "big"))
 
@@ -52,18 +52,17 @@ def random_generator(seed: int, *names: str) -> np.random.Generator:
 def random_view(
     width: int, height: int, factor: float, *, tilted: bool, rng: np.random.Generator
 ) -> View:
-    """A view of a photograph, reduced by a factor, at a random place of a scene.
+    """Draw a view of a photograph, reduced by a factor, at a random place of a scene.
 
-    Without a tilt the place is a whole number of pixels and the factor 1 leaves the photograph as
-    it is.
+    Without a tilt, the place is a whole number of pixels; the factor 1 then changes no pixel.
 
     Args:
         width: width of the photograph in pixels.
         height: height of the photograph.
-        factor: reduction of the photograph (of its centre, if tilted).
-        tilted: first turn the photograph out of the image plane by 45 to 70 degrees about a random
-            axis through its centre.
-        rng: draws the tilt and the place.
+        factor: reduction of the photograph; if tilted, of its centre.
+        tilted: turn the photograph out of the image plane by 45 to 70 degrees before, about a
+            random axis through its centre.
+        rng: generator of the tilt and the place.
     """
     tilt = rng.uniform(*TILTS) if tilted else 0.0
     seen = reduction(factor)
@@ -79,23 +78,23 @@ def random_view(
 
 
 def reduction(factor: float) -> Matrix3:
-    """Maps pixels of an image to pixels of the same image, reduced by a factor."""
+    """Return the homography from an image to the image reduced by a factor."""
     shift = (1 / factor - 1) / 2
     return np.array([[1 / factor, 0, shift], [0, 1 / factor, shift], [0, 0, 1]])
 
 
 def tilt_homography(width: int, height: int, degrees: float, axis: float) -> Matrix3:
-    """What a pinhole camera sees of a photograph that is turned about an axis in its plane.
+    """Return how a pinhole camera sees a photograph that is turned about an axis in its plane.
 
     Args:
         width: width of the photograph in pixels.
         height: height of the photograph.
         degrees: angle of the turn, below 90.
-        axis: direction of the axis, in degrees from the x axis; it goes through the centre.
+        axis: direction of the axis through the centre, in degrees from the x axis.
 
     Returns:
-        Homography that keeps the centre and the scale at the centre along the axis; across it the
-        photograph is foreshortened by the cosine of the angle.
+        A homography that keeps the centre, and the scale along the axis there. Across the axis,
+        the photograph is foreshortened by the cosine of the angle.
     """
     direction = math.radians(axis)
     turn = math.radians(degrees) * np.array([math.cos(direction), math.sin(direction), 0.0])
@@ -110,14 +109,13 @@ def tilt_homography(width: int, height: int, degrees: float, axis: float) -> Mat
 def compose(photo: RGBPixels, view: View, scene: RGBPixels) -> RGBPixels:
     """Set a photograph into a scene.
 
-    Each pixel is the mean over its area of what it sees, so that nothing is aliased and pixels on
-    the outline are mixed in exact proportion. A grey photograph makes a grey scene: a camera is
-    one or the other.
+    Each pixel is the mean of the photograph over the pixel's area. So nothing is aliased, and
+    pixels on the outline are mixed in proportion. A grey photograph makes the scene grey.
 
     Args:
         photo: (h, w, 3) the photograph.
-        view: where it lies.
-        scene: (view.height, view.width, 3) what surrounds it.
+        view: where the photograph lies.
+        scene: (view.height, view.width, 3) surroundings of the photograph.
 
     Returns:
         (view.height, view.width, 3).
@@ -143,7 +141,7 @@ def _grey(pixels: RGBPixels) -> RGBPixels:
 def _rendered(
     photo: RGBPixels, homography: Matrix3, size: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Colours times coverage (h, w, 3), and coverage in [0, 1] (h, w, 1), by area averaging."""
+    """Average over areas: colours times coverage (h, w, 3), and coverage 0 to 1 (h, w, 1)."""
     covered = np.dstack([photo, np.full(photo.shape[:2], 255, np.uint8)])
     x_samples, y_samples = _samples(homography, photo.shape[1], photo.shape[0])
     total = np.zeros((size[1], size[0], 4), np.float32)
@@ -156,7 +154,7 @@ def _rendered(
 
 
 def _samples(homography: Matrix3, width: int, height: int) -> tuple[int, int]:
-    """How many samples along x and y a pixel needs so that they lie within a pixel of the photo."""
+    """Return the samples along x and y by which neighbouring samples are within a photo pixel."""
     x, y = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
     seen = transform(homography, np.column_stack([x.ravel(), y.ravel()]))
     inverse = np.linalg.inv(homography)
@@ -168,33 +166,33 @@ def _samples(homography: Matrix3, width: int, height: int) -> tuple[int, int]:
 
 
 def _offsets(count: int) -> NDArray[np.float64]:
-    """Centres of equal parts of a pixel, relative to its centre."""
+    """Return the centres of equal parts of a pixel, relative to its centre."""
     return (np.arange(count) + 0.5) / count - 0.5
 
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp"})
 
 _PHOTO_SIZE = 800
-"""Photographs are kept at this longest side, in pixels."""
+"""Longest side of photographs in memory, in pixels."""
 _CACHED = 100
 _ROW_HEIGHTS = (110, 330)
 """Smallest and largest height of a row of photographs, in pixels."""
 _LARGEST_CROP = 2.0
-"""A photograph may be larger than its row by this factor; then a random part of it is shown."""
+"""Largest size of a photograph over that of its row; a random part of a larger one is shown."""
 _THUMBNAIL = 16
 _SAME = 0.95
-"""Photographs whose thumbnails correlate more count as the same."""
+"""Correlation of thumbnails above which two photographs count as one."""
 
 
 class Backgrounds:
-    """A folder of photographs, without those that show what the base pairs show.
+    """A folder of photographs for scenes, without photographs of the base pairs.
 
-    Left out are the files that lie next to an image of a pair, and those whose thumbnail is that
-    of an image of a base pair (the same photograph at another size or compression).
+    Left out are the files in the folders of the pairs, and copies of images of base pairs at
+    another size or compression, which are recognized by their thumbnails.
 
     Args:
-        folder: is searched with its subfolders.
-        pair_images: images of all pairs; other files of their folders are not used either.
+        folder: folder of photographs, searched with its subfolders.
+        pair_images: images of all pairs; no file in their folders is used.
         base_images: images of the base pairs, compared by content.
 
     Raises:
@@ -217,12 +215,12 @@ class Backgrounds:
         if not self.files:
             raise BenchmarkError(f"there is no usable background photograph in {folder}")
         self.digest = _digest(folder, self.files)
-        """SHA-256 of names and contents."""
+        """SHA-256 of the names and contents of the photographs."""
 
     def collage(self, width: int, height: int, rng: np.random.Generator) -> RGBPixels:
-        """(height, width, 3) rows of photographs, side by side, of varied heights and parts.
+        """Make a (height, width, 3) scene of rows of photographs, of varied heights and parts.
 
-        No photograph comes twice before each has come once.
+        Every photograph is used once before one is used again.
         """
         scene = np.empty((height, width, 3), np.uint8)
         order = self._shuffled(rng)
@@ -255,7 +253,7 @@ def _image_files(folder: Path) -> list[Path]:
 
 
 def _tile(photo: RGBPixels, height: int, rng: np.random.Generator) -> RGBPixels:
-    """(height, any width, 3) a random part of a photograph."""
+    """Return a random part of a photograph, (height, any width, 3)."""
     crop = rng.uniform(1, _LARGEST_CROP)
     scale = crop * height / photo.shape[0]
     size = max(height, round(photo.shape[1] * scale)), max(height, round(photo.shape[0] * scale))
@@ -268,7 +266,7 @@ def _tile(photo: RGBPixels, height: int, rng: np.random.Generator) -> RGBPixels:
 
 
 def _thumbnail(pixels: RGBPixels) -> NDArray[np.float32]:
-    """(256,) grey values of zero mean and unit length; zero for a flat image."""
+    """Return (256,) grey values of zero mean and unit length; zeros for a flat image."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(np.float32)
     small = cv2.resize(grey, (_THUMBNAIL, _THUMBNAIL), interpolation=cv2.INTER_AREA).ravel()
     centred = small - small.mean()

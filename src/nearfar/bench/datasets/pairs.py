@@ -1,4 +1,4 @@
-"""Pairs of images with ground-truth points, in folders."""
+"""Pairs of images with ground-truth points, read from folders in three layouts."""
 
 import json
 import re
@@ -18,10 +18,10 @@ from nearfar.runtime import require
 
 
 def find_pairs(folder: Path) -> list[Case]:
-    """All pairs in a folder and its subfolders, sorted by name.
+    """Find all pairs in a folder and its subfolders, sorted by name.
 
     Raises:
-        BenchmarkError: there are none, or a description is malformed.
+        BenchmarkError: there are no pairs, or a description is malformed.
     """
     if not folder.is_dir():
         raise BenchmarkError(f"{folder} is not a folder")
@@ -70,10 +70,10 @@ _DESCRIPTION = re.compile(r"(?P<first>.+)_to_(?P<second>.+)\.ya?ml")
 
 
 def find_montreal_pairs(folder: Path) -> Iterator[Case]:
-    """The pairs of all A_to_B.yaml, each with the images A.png and B.png beside it.
+    """Find the pairs of the Montreal layout: A_to_B.yaml, with A.png and B.png beside it.
 
-    A file maps each image's name to the corresponding points, [x, y] as shares of its width and
-    height. The image with the points farther apart is the near one.
+    A file maps the name of each image to its points, [x, y] as shares of width and height. The
+    image whose points are farther apart is the near one.
 
     Raises:
         BenchmarkError: a file is malformed, or an image cannot be read.
@@ -123,7 +123,7 @@ def _load(file: Path) -> dict[str, object]:
 
 
 def _view(file: Path, content: dict[str, object], name: str) -> tuple[Path, Coordinates]:
-    """Path and points, in pixels, of one image."""
+    """Return the path of one image, and its points in pixels."""
     path = file.parent / f"{name}.png"
     try:
         image = read_image(path)
@@ -137,15 +137,15 @@ def _view(file: Path, content: dict[str, object], name: str) -> tuple[Path, Coor
 _HOMOGRAPHY = re.compile(r"H1to(?P<oxford>\d+)p(\.txt)?|H_1_(?P<hpatches>\d+)(\.txt)?")
 SUFFIXES = (".ppm", ".pgm", ".png", ".jpg", ".tif")
 GRID = 20
-"""Columns and rows of near points, of which ten are chosen."""
+"""Columns and rows of the grid of near points from which the true points are chosen."""
 POINTS = 10
 
 
 def find_sequence_pairs(folder: Path) -> Iterator[Case]:
-    """Pairs (1, K) of every sequence, the image that shows the scene larger being the near one.
+    """Find pairs (1, K) of sequences with homographies: Oxford (H1to2p) and HPatches (H_1_2).
 
-    The true points are ten of a grid over the part of the near image that lies in the far one,
-    each as far as can be from the others, as the paper spreads its points.
+    The image that shows the scene larger is the near one. The true points are ten points of a grid
+    over the part of the near image that the far image shows, spread far apart as in the paper.
 
     Raises:
         BenchmarkError: a homography or an image cannot be read, or the images do not overlap.
@@ -163,7 +163,7 @@ def _read_sequence(file: Path, number: int, folder: Path) -> Case:
     except (OSError, ValueError, np.linalg.LinAlgError) as error:
         raise BenchmarkError(f"homography {file} cannot be read: {error}") from error
     first, second = (_image(file.parent, index) for index in (1, number))
-    orders = []  # Each order has true points of its own, so that the changes are not reciprocal.
+    orders = []  # Each order has its own true points, so the scale changes are not reciprocal.
     for far, near, far_from_near in ((first, second, inverse), (second, first, second_from_first)):
         far_points, near_points = _grid_points(far, near, far_from_near)
         change = scale_change(far_points, near_points)
@@ -200,7 +200,7 @@ def _image(folder: Path, number: int) -> Image:
 def _grid_points(
     far: Image, near: Image, far_from_near: Matrix3
 ) -> tuple[Coordinates, Coordinates]:
-    """At most ten true points spread over the part of the near image that the far one shows."""
+    """Choose at most ten true points over the part of the near image that the far image shows."""
     axes = [(np.arange(GRID) + 0.5) / GRID * side - 0.5 for side in (near.width, near.height)]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     mapped = transform(far_from_near, grid)
@@ -213,7 +213,7 @@ def _grid_points(
 
 
 def _spread(xy: Coordinates) -> NDArray[np.intp]:
-    """Indices of at most ten of (N, 2) points, each as far as can be from those before it."""
+    """Return indices of at most ten of (N, 2) points, each the farthest from those before."""
     if len(xy) <= POINTS:
         return np.arange(len(xy))
     chosen = [0]

@@ -1,4 +1,4 @@
-"""Regions of a near image that the far image shows, and where they lie in it."""
+"""Regions of a near image that the far image shows, and their true places in the far image."""
 
 from collections.abc import Iterable
 
@@ -18,18 +18,18 @@ LEVELS = (1.0, 0.5, 0.25)
 ANGLES = tuple(range(0, 360, 45))
 """Rotations in which a region of the near image is described, in degrees."""
 SHARE_INSIDE = 0.95
-"""A region counts as visible where so much of its true box lies inside the far image."""
+"""Smallest share of a visible region's true box that lies inside the far image."""
 SMALLEST_SIDE = 16
-"""Of the true box, in pixels of the far image."""
+"""Smallest side of the true box of a region, in pixels of the far image."""
 
 
 def proposed_at_scales(pixels: RGBPixels, proposer: Proposer, max_size: int) -> Boxes:
-    """The distinct boxes that are proposed in a pyramid of an image.
+    """Propose boxes in a pyramid of an image, each box once.
 
     Args:
         pixels: the image.
         proposer: finds the boxes of one level.
-        max_size: longest side of the largest level in pixels; 0: that of the image.
+        max_size: longest side of the largest level in pixels; 0: the size of the image.
 
     Returns:
         (N, 4) in pixels of the image, in canonical order.
@@ -49,9 +49,9 @@ def proposed_at_scales(pixels: RGBPixels, proposer: Proposer, max_size: int) -> 
 
 
 def true_homography(case: Case, far: Image, near: Image) -> Matrix3:
-    """The least-squares homography through the true points, near to far working pixels.
+    """Fit the homography from near to far working pixels to the true points by least squares.
 
-    Its sign is such that the true points lie in front of the camera.
+    Its sign puts the true points in front of the camera.
     """
     found, _ = cv2.findHomography(case.near_points, case.far_points, 0)
     depth = np.column_stack([case.near_points, np.ones(len(case.near_points))]) @ found[2]
@@ -62,13 +62,13 @@ def true_homography(case: Case, far: Image, near: Image) -> Matrix3:
 
 
 def corners(box: Iterable[int], angle: float = 0.0) -> Coordinates:
-    """(4, 2) outer corners of a box, turned about its centre, clockwise in degrees."""
+    """Return the (4, 2) outer corners of a box turned about its centre, clockwise in degrees."""
     x, y, width, height = box
     return transform(_image_from_view((x, y, width, height), angle), outline(width, height))
 
 
 def mapped(far_from_near: Matrix3, polygon: Coordinates) -> Coordinates:
-    """(K, 2) corners in the far image; all NaN where one is not in front of the camera."""
+    """Map corners to the far image, (K, 2); all NaN where one is not in front of the camera."""
     depth = np.column_stack([polygon, np.ones(len(polygon))]) @ far_from_near[2]
     if not (depth > 0).all():
         return np.full_like(polygon, np.nan)
@@ -76,10 +76,10 @@ def mapped(far_from_near: Matrix3, polygon: Coordinates) -> Coordinates:
 
 
 def visible_regions(boxes: Boxes, far_from_near: Matrix3, far_size: tuple[int, int]) -> Boxes:
-    """The boxes of the near image that the far image shows.
+    """Select the boxes of the near image that the far image shows.
 
     Args:
-        boxes: (N, 4) of the near image.
+        boxes: (N, 4) boxes of the near image.
         far_from_near: the true homography, positive in front of the camera.
         far_size: width and height of the far image.
     """
@@ -97,9 +97,9 @@ def visible_regions(boxes: Boxes, far_from_near: Matrix3, far_size: tuple[int, i
 
 
 def true_edges(box: Iterable[int], far_from_near: Matrix3) -> NDArray[np.float64]:
-    """(8, 4) left, top, right, bottom of the true box of a region in each rotation.
+    """Return (8, 4) left, top, right, bottom of the true box of a region in each rotation.
 
-    That is the bounding box of the turned region's corners in the far image.
+    The true box is the bounding box of the turned region's corners in the far image.
     """
     x, y, width, height = box
     turned = [mapped(far_from_near, corners((x, y, width, height), angle)) for angle in ANGLES]
@@ -107,7 +107,7 @@ def true_edges(box: Iterable[int], far_from_near: Matrix3) -> NDArray[np.float64
 
 
 def upright_rotation(box: Iterable[int], far_from_near: Matrix3) -> int:
-    """Index of the rotation in which the region looks most as it does in the far image."""
+    """Return the index of the rotation nearest to the region's rotation in the far image."""
     x, y, width, height = box
     turns = []
     for angle in ANGLES:
@@ -122,14 +122,14 @@ def upright_rotation(box: Iterable[int], far_from_near: Matrix3) -> int:
 
 
 def rotated_views(pixels: RGBPixels, box: Iterable[int]) -> tuple[RGBPixels, Boxes]:
-    """A region in eight rotations about its centre, of the same width and height.
+    """Show a region in eight rotations about its centre, each as large as the region.
 
     Args:
-        pixels: the image, which is mirrored beyond its border.
+        pixels: the image; it is mirrored beyond its border.
         box: the region.
 
     Returns:
-        One image with the views below each other, and (8, 4) where each lies in it.
+        One image with the eight views below each other, and the (8, 4) boxes of the views.
     """
     x, y, width, height = box
     views = [
@@ -147,7 +147,7 @@ def rotated_views(pixels: RGBPixels, box: Iterable[int]) -> tuple[RGBPixels, Box
 
 
 def _image_from_view(box: tuple[int, int, int, int], angle: float) -> Matrix3:
-    """Pixels of the view of a region that is turned about its centre to pixels of the image."""
+    """Return the transform from pixels of a turned region's view to pixels of the image."""
     x, y, width, height = box
     cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     middle = (width - 1) / 2, (height - 1) / 2

@@ -1,8 +1,8 @@
-"""Charts of a report, as SVG."""
+"""Parts of charts, and charts as SVG for a report."""
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +15,13 @@ from matplotlib.ticker import NullFormatter
 from nearfar.bench.summary import Share, log_fit
 
 LEAST_ERROR = 0.01
-"""Smaller errors are drawn as this, so that a logarithmic axis holds them."""
+"""Smallest error that is drawn; a smaller one is drawn as this on the logarithmic axis."""
 
 
 def shares_against(
-    axes: Axes, method: str, x: list[float], shares: list[Share], series: dict[str, int]
+    axes: Axes, method: str, x: list[float], shares: list[Share], series: Mapping[str, int]
 ) -> None:
-    """Draw a method's shares, in percent with their intervals, as a line over x."""
+    """Draw the shares of a method in percent, with their intervals, as a line over x."""
     y = 100 * np.array([share.value for share in shares])
     low, high = (100 * np.array([s.interval[end] for s in shares]) for end in (0, 1))
     number = series[method]
@@ -31,7 +31,7 @@ def shares_against(
 
 
 def marks(
-    axes: Axes, method: str, x: Sequence[float], y: Sequence[float], series: dict[str, int]
+    axes: Axes, method: str, x: Sequence[float], y: Sequence[float], series: Mapping[str, int]
 ) -> None:
     """Draw a method's results as marks."""
     number = series[method]
@@ -63,7 +63,7 @@ def fit(axes: Axes, x: Sequence[float], y: Sequence[float], number: int) -> None
 
 
 def error_axis(axes: Axes, limit: float, label: str) -> None:
-    """Make y an error, with the limit of success."""
+    """Make y a logarithmic error axis, with a line at the limit of success."""
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
@@ -72,7 +72,7 @@ def error_axis(axes: Axes, limit: float, label: str) -> None:
 
 
 def scale_axis(axes: Axes) -> None:
-    """Make x the true scale change."""
+    """Make x a logarithmic axis of the true scale change."""
     axes.set_xscale("log", base=2)
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}\N{MULTIPLICATION SIGN}")
     axes.grid(visible=True, color=GRID)
@@ -80,18 +80,18 @@ def scale_axis(axes: Axes) -> None:
 
 
 def colour(number: int) -> str:
-    """Colour of a method or stage by its number."""
+    """Return the colour of a method or stage by its number."""
     return SERIES[number % len(SERIES)]
 
 
 def marker(number: int) -> str:
-    """Shape of a method's marks by its number."""
+    """Return the shape of a method's marks by its number."""
     return MARKERS[number % len(MARKERS)]
 
 
 INK, MUTED, GRID = "#010101", "#010102", "#010103"
 SERIES = tuple(f"#0102{index:02x}" for index in range(8))
-"""Stand-ins for the colours of the page's style sheet: text, pale text, lines, the series."""
+"""Placeholders that the page's style sheet replaces: colours of text, pale text, lines, series."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 _VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--line"} | {
@@ -127,12 +127,12 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart with its words.
+    """A chart with its title.
 
     Attributes:
-        title: what it shows.
-        note: how to read it.
-        svg: the drawing, to be put into the page as it is.
+        title: what the chart shows.
+        note: how to read the chart.
+        svg: SVG element for the page.
     """
 
     title: str
@@ -146,11 +146,11 @@ def chart(
     """Draw a chart.
 
     Args:
-        name: tells its parts apart from those of the page's other charts; letters and digits.
-        title: what it shows.
-        note: how to read it.
-        draw: draws it on axes.
-        height: in inches, where the width is 5.
+        name: name that no other chart of the page has; letters, digits and hyphens.
+        title: what the chart shows.
+        note: how to read the chart.
+        draw: function that draws the chart on axes.
+        height: height in inches; the width is 5.
     """
     with mpl.rc_context(_STYLE):
         figure = Figure((_WIDTH, height), layout="constrained")
@@ -164,7 +164,7 @@ def chart(
 
 
 def _inlined(svg: str, name: str) -> str:
-    """An SVG document as an element of the page, with the page's colours and names of its own."""
+    """Turn an SVG document into an element with the page's colours and unique names."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     opening, _, rest = svg.partition(">")

@@ -1,4 +1,4 @@
-"""Cases to look at: the narrowest failures and the hardest successes, with their pictures."""
+"""Cards of the narrowest failures and the hardest successes, with their images."""
 
 import base64
 import io
@@ -17,12 +17,12 @@ from nearfar.imaging.image import read_image
 from nearfar.imaging.overlap import polygon_intersection, rectangle
 
 MOST_CARDS = 120
-"""Cards of a whole report, so that the page stays small."""
+"""Largest number of cards in a report, so that the page stays small."""
 
 _LONGEST = 400
 _QUALITY = 74
 _FAILURES, _SUCCESSES = 2, 1
-"""Cards of a method in a group, as far as there is room."""
+"""Largest numbers of cards of a method in a group."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Picture:
 
     Attributes:
         name: unique on the page.
-        width: of the original in pixels.
-        height: of the original in pixels.
+        width: width of the original in pixels.
+        height: height of the original in pixels.
         data: the thumbnail as a data URI.
     """
 
@@ -47,12 +47,12 @@ class Card:
     """A result with its pictures.
 
     Attributes:
-        result: what is shown.
-        far: None where the image is missing.
-        near: None where the image is missing.
-        outline: of the near image in pixels of the far image, for an SVG polygon; empty where
-            there is none.
-        note: why there is no outline, or where it lies; empty where it is seen.
+        result: the result shown.
+        far: the far image; None where it is missing.
+        near: the near image; None where it is missing.
+        outline: outline of the near image in pixels of the far image, for an SVG polygon; empty
+            without a homography.
+        note: why no outline is visible; empty where one is.
     """
 
     result: Result
@@ -63,18 +63,18 @@ class Card:
 
 
 class Gallery:
-    """Makes cards; an image that several of them show is read and stored once."""
+    """Makes cards; an image that several cards show is read and stored once."""
 
     def __init__(self) -> None:
         self._pictures: dict[Path, Picture | None] = {}
 
     @property
     def pictures(self) -> list[Picture]:
-        """All thumbnails that cards have used so far."""
+        """Return all thumbnails that cards have used so far."""
         return [picture for picture in self._pictures.values() if picture is not None]
 
     def cards(self, benchmark: Benchmark, most: int) -> dict[str, list[Card]]:
-        """By method at most so many cards, sorted by group."""
+        """Return at most `most` cards for each method, sorted by group."""
         return {
             method: [self._card(result) for result in chosen(results, most)]
             for method, results in by_method(benchmark.results).items()
@@ -104,10 +104,10 @@ class Gallery:
 
 
 def chosen(results: Sequence[Result], most: int) -> list[Result]:
-    """The narrowest failures and the hardest successes of each group, at most so many in all.
+    """Choose the narrowest failures and the hardest successes of each group, at most `most` in all.
 
-    Failures with the smallest error come first, those without an answer last; successes with the
-    largest scale change, or else the largest error, first.
+    Failures with the smallest error come first, and failures without an answer last. Successes are
+    sorted by falling scale change, or else by falling error.
     """
     ranked: list[tuple[int, Result]] = []
     for of_group in by_group(results).values():

@@ -1,4 +1,4 @@
-"""Tables of a report as LaTeX and CSV."""
+"""Files of a report: tables in LaTeX, and all rows as CSV and Parquet."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ from nearfar.bench.tables import comparison, latex
 
 
 def write_rows(benchmarks: Sequence[Benchmark], out: Path) -> list[Path]:
-    """Write `results.csv` and `results.parquet`, a column for each value of the rows.
+    """Write `results.csv` and `results.parquet`, with a column for each value of the rows.
 
-    Values of nested tables have names with dots, e.g. `seconds.points`; lists are JSON.
+    Values of nested tables have dotted names, such as `seconds.points`; lists are JSON.
     """
     rows = [
         {"benchmark": benchmark.name} | _flat(result.row)
@@ -42,7 +42,7 @@ def _flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _column(values: Sequence[Any]) -> Any:
-    """A column of truth values, numbers or, where they are mixed, text."""
+    """Make a column of truth values, of numbers, or, where kinds are mixed, of text."""
     kinds = {type(value) for value in values if value is not None}
     if not kinds or kinds == {bool}:
         return pa.array(values, pa.bool_() if kinds else pa.null())
@@ -54,7 +54,7 @@ def _column(values: Sequence[Any]) -> Any:
 
 
 def latex_tables(benchmarks: Sequence[Benchmark]) -> str:
-    """Every table as a LaTeX table environment."""
+    """Return all tables as LaTeX table environments."""
     parts = ["% Needs \\usepackage{booktabs}"]
     for benchmark in benchmarks:
         parts.append(_overall(benchmark))

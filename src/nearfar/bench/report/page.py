@@ -1,4 +1,4 @@
-"""The pages of a report."""
+"""The page and the files of a report."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,11 +14,11 @@ from nearfar.bench.results import Benchmark, Result, RunRecord, load_benchmarks,
 from nearfar.bench.summary import DASH, by_group, by_method
 
 _LEAST_CARDS = 3
-"""Cards of a method, however many methods there are."""
+"""Smallest number of cards of a method, whatever the number of methods."""
 
 
 def render(benchmarks: Sequence[Benchmark], records: Sequence[RunRecord]) -> str:
-    """The page as HTML that needs nothing but itself."""
+    """Return the page as one HTML document that loads no other files."""
     series = _series(benchmarks)
     gallery = Gallery()
     columns = sum(len(by_method(benchmark.results)) for benchmark in benchmarks)
@@ -38,7 +38,7 @@ def render(benchmarks: Sequence[Benchmark], records: Sequence[RunRecord]) -> str
 
 
 def _licences(results: Sequence[Result]) -> dict[str, str]:
-    """The licences of the images by group, as far as the rows state them."""
+    """Return the licences of the images by group, where the rows state them."""
     found = {
         group: dict.fromkeys(result.licence for result in own if result.licence is not None)
         for group, own in by_group(results).items()
@@ -47,7 +47,7 @@ def _licences(results: Sequence[Result]) -> dict[str, str]:
 
 
 def _series(benchmarks: Sequence[Benchmark]) -> dict[str, int]:
-    """A number for each method, the same in every benchmark."""
+    """Number the methods of all benchmarks, so that each has one colour on the page."""
     names = dict.fromkeys(name for benchmark in benchmarks for name in by_method(benchmark.results))
     return {name: number for number, name in enumerate(names)}
 
@@ -70,18 +70,18 @@ def _environment() -> Environment:
 
 
 def verdict(result: Result) -> str:
-    """How an answer is judged: right, near (loose only), wrong, none, or unreadable."""
+    """Judge an answer: "correct", "loose", "incorrect", "none", or "unreadable"."""
     if result.status == "error":
         return "unreadable"
     if not result.localized:
         return "none"
     if result.strict:
-        return "right"
-    return "near" if result.loose else "wrong"
+        return "correct"
+    return "loose" if result.loose else "incorrect"
 
 
 def _short(value: float | None) -> str:
-    """A number with about three digits; a dash for None."""
+    """Format a number with about three digits; None is a dash."""
     if value is None:
         return DASH
     size = abs(value)
@@ -96,7 +96,7 @@ def write_report(runs: Sequence[Path], out: Path) -> list[Path]:
 
     Args:
         runs: folders of results.
-        out: where to write; made where missing.
+        out: folder to write to; it is made where missing.
 
     Returns:
         The files written.

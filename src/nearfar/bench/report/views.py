@@ -1,4 +1,4 @@
-"""What the page of a report shows."""
+"""The contents of a report's page, prepared for its template."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ from nearfar.bench.summary import (
 from nearfar.bench.tables import Comparison, comparison
 
 _MOST_CASES = 1_000
-"""Of more cases the page shows the first; the other files hold all."""
+"""Largest number of cases on the page; the other files hold all of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodView:
-    """A method in a benchmark: all its results, those of each group, and its cards."""
+    """A method in a benchmark: the summaries of all results and of each group, and its cards."""
 
     name: str
     series: int
@@ -41,7 +41,7 @@ class MethodView:
 
 @dataclass(frozen=True, eq=False)
 class CaseView:
-    """A case with its scale change or distance, and the answer of each method, if it ran."""
+    """A case with its scale change or distance, and the result of each method that ran."""
 
     name: str
     group: str
@@ -51,7 +51,7 @@ class CaseView:
 
 @dataclass(frozen=True)
 class MeasureView:
-    """A further number of the rows, for one method."""
+    """A measure of the results of one method."""
 
     name: str
     method: str
@@ -71,7 +71,7 @@ class SettingLine:
 
 @dataclass(frozen=True)
 class SettingsView:
-    """Settings beside each other: method and hash of each column, and the lines."""
+    """Several settings in columns, each with its method and hash, and a line for each setting."""
 
     columns: tuple[tuple[str, str], ...]
     lines: tuple[SettingLine, ...]
@@ -79,7 +79,7 @@ class SettingsView:
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkView:
-    """What the page shows of a benchmark."""
+    """The part of the page for one benchmark."""
 
     name: str
     unit: str
@@ -102,7 +102,7 @@ def settings_view(record: RunRecord, methods: Mapping[str, str]) -> SettingsView
     """Prepare the settings of a run.
 
     Args:
-        record: of the run.
+        record: record of the run.
         methods: names of the methods by the hash of their settings.
     """
     tables = {key: _flat(table) for key, table in record.settings.items()}
@@ -121,9 +121,9 @@ def benchmark_view(
 
     Args:
         benchmark: the results.
-        series: the number of each method's colour.
+        series: number of each method's colour.
         gallery: makes the cards.
-        most: cards of a method.
+        most: largest number of cards of a method.
     """
     cards = gallery.cards(benchmark, most)
     methods = [
@@ -151,7 +151,7 @@ def benchmark_view(
         methods=methods,
         best=max(methods, key=lambda method: method.total.strict.interval),
         published=comparison(benchmark.results),
-        charts=charts_of(benchmark, dict(series)),
+        charts=charts_of(benchmark, series),
         measures=_measures(benchmark),
     )
 
@@ -183,12 +183,12 @@ def _measures(benchmark: Benchmark) -> list[MeasureView]:
 
 
 def _limits(benchmark: Benchmark) -> str:
-    """What counts as a success."""
+    """Explain which answers count as a success."""
     models = {result.model for result in benchmark.results}
     parts = []
     if "pose" in models:
         parts.append(
-            f"An answer is right when its rotation and its direction of translation are both "
+            f"An answer is correct if its rotation and its direction of translation are both "
             f"within {STRICT_DEGREES:g}° of the truth."
         )
     if "homography" in models:
@@ -199,14 +199,14 @@ def _limits(benchmark: Benchmark) -> str:
         )
     if "fundamental" in models:
         parts.append(
-            f"Of a fundamental matrix: mean epipolar distance of the true points below "
+            f"For a fundamental matrix: mean epipolar distance of the true points below "
             f"{STRICT_PX:g} px (strict) or {LOOSE_EPIPOLAR_PX:g} px (loose)."
         )
     return " ".join(parts)
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """A nested table with dotted names and values as text."""
+    """Flatten a nested table to dotted names and values as text."""
     flat: dict[str, str] = {}
     for name, value in table.items():
         if isinstance(value, dict):

@@ -15,10 +15,11 @@ from nearfar.bench.tables import markdown
 from nearfar.runtime import require
 
 EDGES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 24.0, 48.0)
-"""Of the bins, each without its upper edge; the last one holds what the curve is known up to."""
+"""Edges of the bins of scale change; a bin does not hold its upper edge."""
 COVERAGE = 0.95
-"""Of the intervals."""
+"""Coverage of the intervals."""
 RESAMPLES = 2000
+"""Number of bootstrap resamples."""
 
 Measure = Literal["strict", "loose"]
 
@@ -37,10 +38,10 @@ class Outcomes:
     """Successes of several methods in the same cases.
 
     Attributes:
-        methods: (M) their names.
+        methods: names of the M methods.
         scales: (N,) true scale change of each case.
         bases: (N,) index of the base pair of each case, from 0.
-        success: (M, N).
+        success: (M, N) whether each method succeeded in each case.
     """
 
     methods: tuple[str, ...]
@@ -50,19 +51,19 @@ class Outcomes:
 
 
 def bin_index(scale: float) -> int | None:
-    """Which bin a scale change falls into; None for one outside all bins."""
+    """Return the index of the bin of a scale change; None outside all bins."""
     if not EDGES[0] <= scale < EDGES[-1]:
         return None
     return int(np.searchsorted(EDGES, scale, side="right")) - 1
 
 
 def bin_names() -> list[str]:
-    """Names of all bins, e.g. "4-6"."""
+    """Return the names of all bins, such as "4-6"."""
     return [f"{low:g}-{high:g}" for low, high in itertools.pairwise(EDGES)]
 
 
 def bin_name(scale: float) -> str | None:
-    """Name of the bin of a scale change; None for one outside all bins."""
+    """Return the name of the bin of a scale change; None outside all bins."""
     index = bin_index(scale)
     return None if index is None else bin_names()[index]
 
@@ -93,12 +94,12 @@ def outcomes(results: Sequence[Result], measure: Measure = "strict") -> Outcomes
 def resampled_weights(
     bases: NDArray[np.intp], seed: int, resamples: int = RESAMPLES
 ) -> NDArray[np.int64]:
-    """(resamples, N) how often each case comes in each resample of whole base pairs.
+    """Resample whole base pairs: (resamples, N) counts of each case in each resample.
 
     Args:
         bases: (N,) index of the base pair of each case, from 0.
-        seed: of the resampling.
-        resamples: how many.
+        seed: seed of the resampling.
+        resamples: number of resamples.
     """
     count = int(bases.max()) + 1 if len(bases) else 0
     if count == 0:
@@ -108,12 +109,12 @@ def resampled_weights(
 
 
 def bin_rates(found: Outcomes, method: int, seed: int) -> list[Estimate]:
-    """Share of successes of a method in each bin."""
+    """Return the share of successes of a method in each bin."""
     return _bin_means(found, found.success[method].astype(np.float64), seed)
 
 
 def bin_differences(found: Outcomes, first: int, second: int, seed: int) -> list[Estimate]:
-    """Share of successes of the first method minus that of the second, in each bin."""
+    """Return, in each bin, the share of successes of the first method minus that of the second."""
     difference = found.success[first].astype(np.float64) - found.success[second]
     return _bin_means(found, difference, seed)
 
@@ -135,10 +136,10 @@ def _bin_means(found: Outcomes, values: NDArray[np.float64], seed: int) -> list[
 
 
 def half_success(found: Outcomes, method: int, seed: int) -> Estimate:
-    """S50 of a method: the scale change at which its success falls to one half.
+    """Return the S50 of a method: the scale change at which its success falls to one half.
 
-    Infinite where it never does, 0 where it is below from the smallest scale change on, NaN
-    without cases.
+    It is infinite where success stays above one half, 0 where success is below one half from the
+    smallest scale change on, and NaN without cases.
     """
     if not len(found.scales):
         return Estimate(math.nan, math.nan, math.nan)
@@ -150,7 +151,7 @@ def half_success(found: Outcomes, method: int, seed: int) -> Estimate:
 
 
 def scale_text(value: float, found: Outcomes) -> str:
-    """An S50 for people: "> largest" and "< smallest" where the curve does not cross one half."""
+    """Format an S50; "> largest" or "< smallest" where the curve does not cross one half."""
     if math.isnan(value):
         return "no cases"
     if math.isinf(value):
@@ -161,10 +162,10 @@ def scale_text(value: float, found: Outcomes) -> str:
 def half_point(
     scales: NDArray[np.float64], success: NDArray[np.bool_], weights: NDArray[np.int64]
 ) -> float:
-    """Where the monotone fit of success falls to one half.
+    """Return the scale change at which the monotone fit of success falls to one half.
 
-    The fit is the weighted least-squares one among those that do not increase with scale (isotonic
-    regression); between two scale changes it is linear in their logarithms.
+    The fit is an isotonic regression: the weighted least-squares fit that does not increase with
+    scale. Between two scale changes it is linear in their logarithms.
 
     Args:
         scales: (N,) scale changes.
@@ -172,8 +173,7 @@ def half_point(
         weights: (N,) how often each case counts, not all zero.
 
     Returns:
-        The scale change; infinite where the fit stays above one half, 0 where it is below from
-        the start.
+        The scale change; infinite where the fit stays above one half, 0 where it starts below.
     """
     distinct, fitted = monotone_fit(scales, success, weights)
     below = np.flatnonzero(fitted <= 0.5)
@@ -190,7 +190,7 @@ def half_point(
 def monotone_fit(
     scales: NDArray[np.float64], success: NDArray[np.bool_], weights: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distinct scale changes, increasing, and the fitted share of successes at each.
+    """Fit successes by isotonic regression: distinct scale changes and the share at each.
 
     Args:
         scales: (N,) scale changes.
@@ -198,7 +198,7 @@ def monotone_fit(
         weights: (N,) how often each case counts; may be 0.
 
     Raises:
-        MissingExtraError: scipy is missing.
+        MissingExtraError: scipy is not installed.
     """
     require("bench", "scipy")
     from scipy import optimize
@@ -212,14 +212,14 @@ def monotone_fit(
 
 
 def estimate_of(value: float, drawn: NDArray[np.float64]) -> Estimate:
-    """A value with the percentiles of its (N,) resamples; of these, some may be infinite."""
+    """Return a value with the percentiles of its (N,) resamples, some of which may be infinite."""
     tail = (1 - COVERAGE) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail], method="inverted_cdf")
     return Estimate(value, float(low), float(high))
 
 
 def rate_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
-    """Markdown: per bin and method the share of successes in percent, strict with its interval."""
+    """Return, in Markdown, the strict and loose success of each method by bin, in percent."""
     columns = []
     for method in range(len(strict.methods)):
         pairs = zip(bin_rates(strict, method, seed), bin_rates(loose, method, seed), strict=True)
@@ -228,7 +228,7 @@ def rate_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
 
 
 def difference_table(strict: Outcomes, seed: int) -> str:
-    """Markdown: per bin the strict success of each method minus that of the first, in points."""
+    """Return, in Markdown, the strict success of each method minus that of the first, by bin."""
     columns = [
         [percent(each, "+") for each in bin_differences(strict, method, 0, seed)]
         for method in range(1, len(strict.methods))
@@ -238,7 +238,7 @@ def difference_table(strict: Outcomes, seed: int) -> str:
 
 
 def half_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
-    """Markdown: per method S50 with its interval, for strict and for loose success."""
+    """Return, in Markdown, the S50 of each method with its interval."""
     lines = [
         [name, *(_half(each, method, seed) for each in (strict, loose))]
         for method, name in enumerate(strict.methods)
@@ -247,7 +247,7 @@ def half_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
 
 
 def _bin_table(found: Outcomes, titles: list[str], columns: list[list[str]]) -> str:
-    """A line for each bin that has cases: its numbers of cases and base pairs, and the columns."""
+    """Make a line for each bin with cases: numbers of cases and base pairs, and the columns."""
     bins = np.array([bin_index(scale) for scale in found.scales])
     lines = []
     for index, name in enumerate(bin_names()):

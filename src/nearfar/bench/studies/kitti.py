@@ -1,4 +1,4 @@
-"""The KITTI Odometry experiment of the paper (section IV): pairs of frames and their poses."""
+"""The KITTI Odometry study of the paper (section IV): pairs of frames and their poses."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics, of_projection
 
 STEP = 5
-"""Every fifth frame is used."""
+"""Every `STEP`-th frame is used."""
 LARGEST_J = 10
-"""A frame is paired with so many of its successors."""
+"""Number of successors with which a frame is paired."""
 LARGEST_ANGLE = 45.0
-"""Pairs whose gaze differs by more in any axis are dropped, in degrees."""
+"""Largest difference of gaze about any axis, in degrees; other pairs are dropped."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def read_calibration(file: Path) -> dict[str, NDArray[np.float64]]:
 
 
 def frame_pairs(poses: NDArray[np.float64]) -> Iterator[FramePair]:
-    """All pairs of a sequence whose gaze differs by at most 45 degrees about each axis."""
+    """Yield the pairs of a sequence whose gaze differs by at most 45 degrees about each axis."""
     used = range(0, len(poses), STEP)
     for far in used:
         for j in range(1, LARGEST_J + 1):
@@ -76,10 +76,9 @@ def frame_pairs(poses: NDArray[np.float64]) -> Iterator[FramePair]:
 
 
 def axis_angles(far: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) components about x, y and z of the rotation between two poses, in degrees.
+    """Return the (3,) components of the rotation vector between two poses, in degrees.
 
-    They are those of the rotation vector: of the ways to split a rotation by axis it gives the
-    known number of pairs (41,281 of all sequences).
+    Other ways to split a rotation by axis do not give the known number of pairs, 41,281.
     """
     rotation_vector, _ = cv2.Rodrigues(far[:3, :3].T @ near[:3, :3])
     return np.asarray(np.degrees(rotation_vector.ravel()))
@@ -87,12 +86,12 @@ def axis_angles(far: NDArray[np.float64], near: NDArray[np.float64]) -> NDArray[
 
 @dataclass(frozen=True)
 class PairCounts:
-    """How many pairs of frames the poses of some sequences give.
+    """Numbers of pairs of frames in some sequences.
 
     Attributes:
         all_pairs: pairs (i, i + j) with j = 1...10.
-        within: those of them whose gaze differs by at most 45 degrees about each axis.
-        full_windows: those of them whose first frame has all ten successors.
+        within: the pairs among these whose gaze differs by at most 45 degrees about each axis.
+        full_windows: the pairs among `within` whose first frame has all ten successors.
     """
 
     all_pairs: int
@@ -104,7 +103,7 @@ def count_pairs(folder: Path) -> PairCounts:
     """Count the pairs of all pose files in a folder of the official layout; needs no images.
 
     Raises:
-        BenchmarkError: there are no pose files, or one cannot be read.
+        BenchmarkError: the folder has no pose files, or one cannot be read.
     """
     files = sorted((folder / "poses").glob("*.txt"))
     if not files:
@@ -121,7 +120,7 @@ def count_pairs(folder: Path) -> PairCounts:
 
 
 def find_kitti_cases(folder: Path) -> list[Case]:
-    """The pairs of all sequences in a folder of the official layout of which images are there.
+    """Find the pairs with images in all sequences of a folder in the official layout.
 
     Raises:
         BenchmarkError: there are no images, or poses or the projection of their camera are missing.
@@ -186,7 +185,7 @@ def _frame(sequence: Path, camera: int, frame: int) -> Path:
 
 
 def _offset(projection: Matrix3) -> NDArray[np.float64]:
-    """(4, 4) transform from camera 0, whose poses are known, to a rectified camera beside it."""
+    """Return the (4, 4) transform from camera 0, which has poses, to a rectified camera."""
     transform = np.eye(4)
     transform[:3, 3] = np.linalg.solve(projection[:, :3], projection[:, 3])
     return transform

@@ -1,4 +1,4 @@
-"""Two kinds of search for a region of the near image: among boxes, and at every place."""
+"""Two searches for a region of the near image in the far one: among boxes, and everywhere."""
 
 import math
 import time
@@ -22,25 +22,25 @@ from nearfar.imaging.overlap import box_overlap, outer_edges, polygon_area, poly
 from nearfar.landmarks import cosine_similarity
 from nearfar.methods.adaptive.search import pyramid, search, templates
 
-RIGHT = 0.5
-"""An answer is right where its intersection over union with the truth is above this."""
+CORRECT = 0.5
+"""Intersection over union with the truth above which an answer is correct."""
 MOST_ANSWERS = 10
-"""Of the dense search."""
+"""Largest number of answers of the dense search."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """How a search did for one region.
+    """The answers of a search for one region, compared with the truth.
 
     Attributes:
-        findable: whether the search has what a good descriptor would answer with.
-        first_right: rank of the first right answer, from 1; None where there is none.
-        average_precision: over the ranking of all boxes; None for a region that is not findable
-            and for a search that ranks no boxes.
+        findable: whether the search can give a correct answer.
+        first_correct: rank of the first correct answer, from 1; None without a correct answer.
+        average_precision: average precision of the ranking of all boxes; None for a region that
+            is not findable, and for a search that ranks no boxes.
     """
 
     findable: bool
-    first_right: int | None
+    first_correct: int | None
     average_precision: float | None
 
 
@@ -48,9 +48,9 @@ class RegionSearch(Protocol):
     """Searches one far image for regions of near images.
 
     Attributes:
-        dimensions: values of one vector.
-        crops: far boxes that were described.
-        seconds: what preparing the far image took.
+        dimensions: values of one descriptor.
+        crops: number of far boxes that were described.
+        seconds: time in which the far image was prepared.
     """
 
     dimensions: int
@@ -62,26 +62,28 @@ class RegionSearch(Protocol):
 
         Args:
             near: the near image.
-            regions: (N, 4) of it.
+            regions: (N, 4) boxes of the near image.
             far_from_near: the true homography, positive in front of the camera.
         """
         ...
 
 
 class BoxSearch:
-    """Ranks the boxes of the far image by their likeness to a region.
+    """Ranks the boxes of the far image by their similarity to a region.
 
-    The region is described in eight rotations; the score of a box is the greatest of the eight
-    cosines. A box together with its best rotation is an answer. It is right where it overlaps the
-    true box of that rotation, which is the bounding box of the turned region's corners in the far
-    image. A box is a counterpart where it is right for the rotation in which the region looks most
-    as it does in the far image; a region is findable where it has one. What the average precision
-    counts as to be found are the counterparts and the right answers.
+    The region is described in eight rotations. The score of a box is the largest of the eight
+    cosine similarities, and the box with its best rotation is an answer. The answer is correct if
+    it overlaps the true box of that rotation: the bounding box of the turned region's corners in
+    the far image.
+
+    A counterpart of a region is a box that is correct for the rotation of the region in the far
+    image. A region with a counterpart is findable. The average precision counts counterparts and
+    correct answers as boxes to be found.
 
     Args:
         far: the far image.
-        boxes: (N, 4) of it.
-        descriptor: what describes them.
+        boxes: (N, 4) boxes of the far image.
+        descriptor: describes boxes.
     """
 
     def __init__(self, far: RGBPixels, boxes: Boxes, descriptor: Descriptor) -> None:
@@ -108,18 +110,18 @@ class BoxSearch:
     def _found(
         self, similarity: NDArray[np.float32], region: NDArray[np.int32], far_from_near: Matrix3
     ) -> Found:
-        """How one region did, of which (8, N) cosines with the far boxes are known."""
-        overlaps = box_overlap(true_edges(region, far_from_near), self._edges) > RIGHT
+        """Evaluate one region by its (8, N) cosine similarities to the far boxes."""
+        overlaps = box_overlap(true_edges(region, far_from_near), self._edges) > CORRECT
         rotation = similarity.argmax(axis=0)
-        right = overlaps[rotation, np.arange(self.crops)]
+        correct = overlaps[rotation, np.arange(self.crops)]
         ranking = np.argsort(-similarity.max(axis=0), kind="stable")
         counterparts = overlaps[upright_rotation(region, far_from_near)]
         findable = bool(counterparts.any())
-        wanted = int((right | counterparts).sum())
+        wanted = int((correct | counterparts).sum())
         return Found(
             findable,
-            first_right(right[ranking]),
-            average_precision(right[ranking], wanted) if findable else None,
+            first_correct(correct[ranking]),
+            average_precision(correct[ranking], wanted) if findable else None,
         )
 
 
@@ -127,13 +129,12 @@ class DenseSearch:
     """Searches the feature maps of the far image at every place, scale and rotation.
 
     This is the landmark search of method `adaptive`, with a region in place of the near image. An
-    answer is right where the region's outline, mapped by it, overlaps the true one. A region whose
-    true area is off by a factor of two or more from those at all scales of the search cannot be
-    found.
+    answer is correct if the region's outline, mapped by it, overlaps the true outline. A region is
+    findable if its true area is within a factor of two of its area at some scale of the search.
 
     Args:
         far: the far image.
-        descriptor: what describes it.
+        descriptor: describes the far image by feature maps.
     """
 
     def __init__(self, far: RGBPixels, descriptor: DenseDescriptor) -> None:
@@ -154,38 +155,38 @@ class DenseSearch:
         truth = mapped(far_from_near, corners(box))
         answers = search(self._pyramid, sought, (width, height), MOST_ANSWERS)
         own = outline(width, height)
-        right = [
-            polygon_overlap(transform(answer.far_from_near, own), truth) > RIGHT
+        correct = [
+            polygon_overlap(transform(answer.far_from_near, own), truth) > CORRECT
             for answer in answers
         ]
         areas = width * height * self._area_factors(sought[0].template_from_near)
         ratio = areas / polygon_area(truth)
-        findable = bool(((ratio > RIGHT) & (ratio < 1 / RIGHT)).any())
-        return Found(findable, first_right(np.array(right, np.bool_)), None)
+        findable = bool(((ratio > CORRECT) & (ratio < 1 / CORRECT)).any())
+        return Found(findable, first_correct(np.array(correct, np.bool_)), None)
 
     def _area_factors(self, template_from_near: Matrix3) -> NDArray[np.float64]:
-        """By what each level of the pyramid changes areas between the region and the far image."""
+        """Return the factor from areas of the region to areas of each pyramid level."""
         template = np.linalg.det(template_from_near[:2, :2])
         levels = [np.linalg.det(level.level_from_image[:2, :2]) for level in self._pyramid.levels]
         return np.asarray(template / np.array(levels), np.float64)
 
 
-def first_right(right: Mask) -> int | None:
-    """Rank of the first right answer, from 1; None where none is.
+def first_correct(correct: Mask) -> int | None:
+    """Return the rank of the first correct answer, from 1; None without a correct answer.
 
     Args:
-        right: (N,) whether each answer is right, best first.
+        correct: (N,) whether each answer is correct, best first.
     """
-    ranks = np.flatnonzero(right) + 1
+    ranks = np.flatnonzero(correct) + 1
     return int(ranks[0]) if len(ranks) else None
 
 
-def average_precision(right: Mask, wanted: int) -> float:
-    """The sum of the precision at the rank of each right answer, over the number of those wanted.
+def average_precision(correct: Mask, wanted: int) -> float:
+    """Sum the precision at the rank of each correct answer, and divide by the number wanted.
 
     Args:
-        right: (N,) whether each answer is right, best first.
-        wanted: how many right answers there could have been, at least as many as there are.
+        correct: (N,) whether each answer is correct, best first.
+        wanted: number of possible correct answers, at least the number of actual ones.
     """
-    ranks = np.flatnonzero(right) + 1
+    ranks = np.flatnonzero(correct) + 1
     return math.fsum(np.arange(1, len(ranks) + 1) / ranks) / wanted

@@ -1,4 +1,4 @@
-"""Summary and plots of the landmark study."""
+"""Tables of the landmark study."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,20 +28,20 @@ Sums = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """What one descriptor found by one kind of search, pair by pair.
+    """Counts of what one descriptor found by one kind of search, for each of N pairs.
 
     Attributes:
-        descriptor: its name.
-        dimensions: values of one vector.
-        rows: of the pairs.
+        descriptor: name of the descriptor.
+        dimensions: values of one descriptor.
+        rows: results of the pairs.
         regions: (N,) regions that were searched for.
-        findable: (N,) those that are findable, see `nearfar.bench.studies.landmark_search`.
-        first: (N,) those whose first answer is right.
-        ten: (N,) those with a right one among the first ten answers.
-        first_findable: (N,) those of the findable ones whose first answer is right.
-        ten_findable: (N,) the same for ten answers.
-        precision: (N,) sum over the findable regions of the average precision, or, for the dense
-            search, over all regions of the reciprocal rank.
+        findable: (N,) findable regions, see `nearfar.bench.studies.landmark_search`.
+        first: (N,) regions whose first answer is correct.
+        ten: (N,) regions with a correct answer among the first ten.
+        first_findable: (N,) findable regions whose first answer is correct.
+        ten_findable: (N,) findable regions with a correct answer among the first ten.
+        precision: (N,) sum of the average precision over the findable regions; for the dense
+            search, sum of the reciprocal rank over all regions.
     """
 
     descriptor: str
@@ -57,18 +57,18 @@ class Tally:
 
     @property
     def bins(self) -> NDArray[np.intp]:
-        """(N,) index of the bin of each pair's scale change."""
+        """Return (N,) the index of the bin of each pair's scale change."""
         return np.array([bin_index(row.true_scale_change) for row in self.rows], np.intp)
 
     @property
     def scenes(self) -> NDArray[np.intp]:
-        """(N,) index of the scene of each pair, from 0; pairs of one far image show one scene."""
+        """Return (N,) the index of each pair's scene; pairs of one far image show one scene."""
         first: dict[str, str] = {}
         names = [first.setdefault(normpath(row.far), row.scene) for row in self.rows]
         return np.unique(names, return_inverse=True)[1].astype(np.intp)
 
     def ratio(self, part: Sums, whole: Sums, seed: int, chosen: int | None = None) -> Estimate:
-        """The ratio of two sums over all pairs, or those of a bin, with its interval."""
+        """Return the ratio of two sums over all pairs, or over a bin, with its interval."""
         if chosen is not None:
             part, whole = (np.where(self.bins == chosen, each, 0.0) for each in (part, whole))
         weights = resampled_weights(self.scenes, seed)
@@ -80,12 +80,12 @@ class Tally:
 
 
 def bin_index(scale: float) -> int:
-    """Which bin a scale change falls into; one that is 1 but for rounding is in the first."""
+    """Return the bin of a scale change; a value that rounding puts below 1 is in the first bin."""
     return int(np.searchsorted(EDGES[1:], scale, side="right"))
 
 
 def tallies(rows: Sequence[LandmarkResult], search: str) -> list[Tally]:
-    """What each descriptor found, in the pairs in which all of them had regions to search for."""
+    """Count what each descriptor found, in the pairs in which all of them had regions."""
     own = [row for row in rows if row.search == search]
     found = {(row.descriptor, row.case): row for row in own if row.regions}
     descriptors = distinct(row.descriptor for row in own)
@@ -120,7 +120,7 @@ def _tally(descriptor: str, rows: Sequence[LandmarkResult]) -> Tally:
 
 
 def _within(row: LandmarkResult, most: int, *, findable: bool = False) -> int:
-    """Regions, or findable ones, with a right answer among so many first ones."""
+    """Count regions, or findable regions, with a correct answer among the first `most`."""
     return sum(
         rank is not None and rank <= most and (possible or not findable)
         for rank, possible in zip(row.first_correct, row.findable, strict=True)
@@ -136,7 +136,7 @@ def _dense_precision(row: LandmarkResult) -> float:
 
 
 def recall_table(found: Sequence[Tally], seed: int) -> str:
-    """Markdown: a line a descriptor, over all pairs, in percent with intervals."""
+    """Return, in Markdown, the recall of each descriptor over all pairs, in percent."""
     dense = found[0].rows[0].search == "dense"
     header = [
         "descriptor",
@@ -175,7 +175,7 @@ def recall_table(found: Sequence[Tally], seed: int) -> str:
 
 
 def bin_table(found: Sequence[Tally], seed: int) -> str:
-    """Markdown: a line a bin of scale change, recall@1 / recall@10 of each descriptor."""
+    """Return, in Markdown, recall@1 / recall@10 of each descriptor by bin of scale change."""
     first = found[0]
     lines = []
     for index, name in enumerate(BINS):
@@ -202,13 +202,13 @@ def bin_table(found: Sequence[Tally], seed: int) -> str:
 
 
 def ratio_table(found: Sequence[Tally], baseline: str, seed: int, *, misses: bool = False) -> str:
-    """Markdown: recall@1 of each descriptor over that of the baseline, overall and by bin.
+    """Return, in Markdown, recall@1 of each descriptor over that of the baseline, also by bin.
 
     Args:
-        found: what the descriptors found.
-        baseline: name of one of them.
-        seed: of the intervals.
-        misses: compare the numbers of findable regions whose first answer is wrong instead.
+        found: counts of all descriptors.
+        baseline: name of one of the descriptors.
+        seed: seed of the intervals.
+        misses: compare the numbers of findable regions whose first answer is incorrect instead.
     """
     reference = next(own for own in found if own.descriptor == baseline)
 
@@ -243,6 +243,6 @@ def _speed(own: Tally, *, dense: bool) -> str:
 
 
 def _quotient(part: ArrayLike, whole: ArrayLike) -> Sums:
-    """Part over whole; infinite for a whole of 0, NaN where both are 0."""
+    """Divide part by whole; infinite where only the whole is 0, NaN where both are 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.divide(part, whole), np.float64)

@@ -1,7 +1,7 @@
 """Landmark retrieval: how often a descriptor finds a region of the near image in the far one.
 
-A region is a proposal of the near image that the far image shows, as the true homography of the
-pair tells. It is searched for in the far image: among the proposals there, or at every place.
+A region is a proposal of the near image that the far image shows, according to the pair's true
+homography. The search in the far image is among its proposals, or at every place.
 """
 
 import functools
@@ -39,10 +39,10 @@ IDENTITY = ("case", "settings", "search", "asked")
 """The columns that identify a row."""
 
 FINE_K = 100
-"""Selective Search's k unless the settings give another: with the paper's 500 few regions have a
-counterpart among the boxes of the far image."""
+"""Default k of Selective Search here. With the paper's 500, few regions have a counterpart among
+the boxes of the far image."""
 PROPOSAL_SIZE = 1000
-"""Longest side in pixels at which proposals are sought, unless the settings give another."""
+"""Default longest side at which boxes are proposed here, in pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ class LandmarkTask(Task):
 
     Attributes:
         search: kind of search.
-        asked: regions to search for.
-        features: folder in which proposals are kept.
+        asked: largest number of regions to search for.
+        features: folder in which proposals are stored.
     """
 
     search: Search
@@ -66,13 +66,13 @@ class LandmarkResult:
 
     Attributes:
         case: name of the pair.
-        scene: what pairs of one scene have in common in their names.
+        scene: name that all pairs of a scene share.
         far: path of the far image.
         true_scale_change: scale change of the pair.
         descriptor: name of the descriptor.
         search: kind of search.
         status: "searched" or "error".
-        reason: what went wrong; None where nothing did.
+        reason: why the search failed; None where it did not.
         dimensions: values of one descriptor; None where nothing was described.
         regions: number of regions that were searched for.
         findable: for each region, whether it has a counterpart; see `Found`.
@@ -132,19 +132,17 @@ def run_landmarks(
     regions: dict[Search, int],
     workers: Workers | None = None,
 ) -> list[LandmarkResult]:
-    """Search for regions of every pair with every descriptor, skipping what the file holds already.
+    """Search for regions of every pair with every descriptor; see `nearfar.bench.runner.resume`.
 
-    A pair that cannot be read, or kills its worker, is recorded with the reason, and the run goes
-    on. Results are the same for any number of workers, times aside. A descriptor without feature
-    maps has no rows of the dense search.
+    A descriptor without feature maps has no rows of the dense search.
 
     Args:
         cases: pairs with a homography.
         settings: one for each descriptor.
-        file: JSON Lines, one line a pair, descriptor and kind of search; made where missing.
-            `run.json` beside it tells the settings, the folder `features` holds proposals.
-        regions: how many regions of a pair to search for, by kind of search.
-        workers: where the work is done; None: this process.
+        file: JSON Lines, one line a pair, descriptor and kind of search. The folder `features`
+            beside it holds proposals.
+        regions: largest number of regions of a pair to search for, by kind of search.
+        workers: processes that do the work; None: this process.
 
     Returns:
         The results of these pairs, settings and searches.
@@ -152,7 +150,7 @@ def run_landmarks(
     Raises:
         SettingsError: a descriptor is unknown.
         WeightsError: a descriptor needs weights that are missing or do not fit.
-        OSError: a result cannot be written; those before it are kept.
+        OSError: a row cannot be written; the rows before it are kept.
     """
     _descriptor.cache_clear()
     _searcher.cache_clear()
@@ -182,7 +180,7 @@ def run_landmarks(
 
 
 def finer_proposals(settings: Settings) -> Settings:
-    """The settings with the proposals of this benchmark where they leave the choice."""
+    """Return the settings with this benchmark's defaults for proposals."""
     return settings.replace(
         proposal_k=settings.proposal_k or FINE_K,
         proposal_max_size=settings.proposal_max_size or PROPOSAL_SIZE,
@@ -190,11 +188,11 @@ def finer_proposals(settings: Settings) -> Settings:
 
 
 def has_feature_maps(settings: Settings) -> bool:
-    """Whether the dense search can use the descriptor.
+    """Tell whether the dense search can use the descriptor.
 
     Raises:
-        SettingsError: it is unknown.
-        WeightsError: it needs weights that are missing or do not fit.
+        SettingsError: the descriptor is unknown.
+        WeightsError: the descriptor needs weights that are missing or do not fit.
     """
     return isinstance(_descriptor(settings), DenseDescriptor)
 
@@ -227,7 +225,7 @@ def _columns(found: Sequence[Found]) -> Row:
     return {
         "regions": len(found),
         "findable": [each.findable for each in found],
-        "first_right": [each.first_right for each in found],
+        "first_right": [each.first_correct for each in found],
         "average_precision": [each.average_precision for each in found],
     }
 
@@ -248,7 +246,7 @@ def _start_of_row(case: Case, descriptor: str, search: Search, asked: int) -> Ro
 
 @functools.lru_cache(maxsize=1)
 def _searcher(far: Path, settings: Settings, search: Search, features: Path) -> RegionSearch:
-    """The prepared far image; several pairs that follow each other may share it."""
+    """Prepare a far image; pairs that follow each other may share it."""
     image, descriptor = _read(far, settings), _descriptor(settings)
     if search == "boxes":
         return BoxSearch(image.pixels, _proposals(image, settings, features), descriptor)
@@ -259,7 +257,7 @@ def _searcher(far: Path, settings: Settings, search: Search, features: Path) -> 
 
 @functools.lru_cache(maxsize=1)
 def _descriptor(settings: Settings) -> Descriptor:
-    """The descriptor of this process."""
+    """Return the descriptor of this process."""
     return DESCRIPTORS.create(settings.descriptor, settings)
 
 
@@ -268,7 +266,7 @@ def _read(path: Path, settings: Settings) -> Image:
 
 
 def _proposals(image: Image, settings: Settings, folder: Path) -> Boxes:
-    """The proposals of an image, which all descriptors share."""
+    """Return the proposals of an image, which all descriptors share."""
     plain = settings.replace(method="paper", descriptor="hog", weights={})
     proposer = PROPOSERS.create(plain.proposer, plain)
 

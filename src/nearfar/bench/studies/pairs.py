@@ -49,13 +49,17 @@ class Pairs(Study):
 
 
 PAPER_SIZE = (1200, 900)
-"""Width and height to which the paper resizes its images (bilinearly, whatever their shape)."""
+"""Width and height in pixels to which the paper resizes its images, whatever their shape."""
 
 
 def resized_to_paper(cases: Sequence[Case], folder: Path) -> list[Case]:
-    """The cases with images of 1200x900, written as PNG, and true points and scale change in these.
+    """Resize the images of cases to 1200x900, with their true points and scale changes.
 
-    A case whose images cannot be read stays as it is, so that its run reports that.
+    A case whose images cannot be read stays as it is; its run reports the error.
+
+    Args:
+        cases: the cases.
+        folder: folder for the resized images, PNG.
     """
     return [_resized(case, folder) for case in cases]
 
@@ -77,7 +81,7 @@ def _resized(case: Case, folder: Path) -> Case:
 
 
 def _write(source: Path, points: Coordinates, file: Path) -> tuple[Path, Coordinates]:
-    """The resized image's file and the points in its pixels."""
+    """Write a resized image; return its file and the points in its pixels."""
     image = read_image(source)
     factor = np.array(PAPER_SIZE) / (image.width, image.height)
     file.parent.mkdir(parents=True, exist_ok=True)

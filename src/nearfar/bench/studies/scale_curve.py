@@ -1,8 +1,8 @@
-"""Cases of success against total scale change, from pairs that are related by a homography.
+"""Cases for curves of success against scale change, from pairs that are related by a homography.
 
-Modes: *pairs*, the pairs as they are; *scale*, their far image reduced and set into a scene of
-other photographs; *tilt*, the far image tilted before that. Each keeps the real change of
-viewpoint, light and blur of its base pair, and its true points, mapped exactly.
+Mode *pairs* uses the pairs as they are. Mode *scale* reduces the far image and sets it into a scene
+of other photographs. Mode *tilt* tilts the far image before that. Each case keeps the real change
+of viewpoint, light and blur of its base pair, and the exactly mapped true points.
 """
 
 import hashlib
@@ -33,9 +33,9 @@ MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt")
 FACTORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)
 
 _VERSION = "1"
-"""Of the generator; images of another version are not used."""
+"""Version of the generator; images of another version are not used."""
 _KEY = "nearfar-case"
-"""Name of the PNG text that holds what an image was made from."""
+"""Name of the PNG text with the hash of everything that an image was made from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class PlannedCase:
     """A case and how to make its far image.
 
     Attributes:
-        case: with the path at which its far image will be.
+        case: the case, with the path of its far image.
         base: the pair that it is made from.
-        view: where the far image of the base lies in the new one; None: it is used as it is.
+        view: place of the base's far image in the new one; None if it is used as it is.
     """
 
     case: Case
@@ -54,10 +54,10 @@ class PlannedCase:
 
 
 def base_pairs(pairs: Iterable[Case], sets: Sequence[str] = ()) -> list[Case]:
-    """The pairs with a homography and a known scale change, of the given sets (all if empty).
+    """Select the pairs with a homography and a known scale change, of the given sets or of all.
 
     Raises:
-        BenchmarkError: there are none, or none of one of the sets.
+        BenchmarkError: there are no such pairs, or none in one of the sets.
     """
     found = [
         pair
@@ -79,15 +79,15 @@ def plan_cases(
     factors: Sequence[float],
     seed: int,
 ) -> list[PlannedCase]:
-    """All cases whose total scale change falls into a bin, without making images.
+    """Plan all cases whose total scale change is in a bin, without making images.
 
     Args:
         bases: pairs with a homography.
-        folder: where the far images will be.
-        modes: which kinds of cases.
+        folder: folder for the far images.
+        modes: kinds of cases.
         factors: reductions of the far images (modes scale and tilt), at least 1.
-        seed: of tilts and places. Each case draws from its own random numbers, which depend on
-            the seed and its name alone.
+        seed: seed of tilts and places. The random numbers of a case depend on the seed and its
+            name alone.
 
     Raises:
         BenchmarkError: a factor is below 1.
@@ -118,16 +118,16 @@ def plan_cases(
 def make_images(plans: Iterable[PlannedCase], backgrounds: Backgrounds | None, seed: int) -> None:
     """Make the far images that are missing.
 
-    An image is written under a temporary name first, so that one that exists is complete.
+    An image gets its name when it is complete, so that an existing image is complete.
 
     Args:
         plans: the cases.
-        backgrounds: photographs for the scenes; may be None if no case needs a scene.
-        seed: of the scenes.
+        backgrounds: photographs for the scenes; None if no case needs a scene.
+        seed: seed of the scenes.
 
     Raises:
-        BenchmarkError: an image exists that was made from something else, or there are no
-            backgrounds.
+        BenchmarkError: an image exists that was made from other images or with another seed, or
+            there are no backgrounds.
     """
     for plan in plans:
         if plan.view is None:
@@ -177,7 +177,7 @@ def _tagged(case: Case, mode: Mode, base: str, factor: float, tilt: float, *, na
 
 
 def _key(plan: PlannedCase, view: View, backgrounds: Backgrounds, seed: int) -> str:
-    """SHA-256 of everything that the far image of a case depends on."""
+    """Return the SHA-256 of everything that the far image of a case depends on."""
     photo = hashlib.sha256(plan.base.far.read_bytes()).hexdigest()
     parts = [
         _VERSION,

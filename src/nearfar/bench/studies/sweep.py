@@ -21,7 +21,7 @@ from nearfar.settings import Settings
 from nearfar.storage.rows import Row, settings_key
 
 NO_WEIGHTS = "weights"
-"""Why a configuration was not run."""
+"""Reason for not running a configuration: its weights are missing."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Grid:
 
     Attributes:
         network: name of the network.
-        layers: its outputs; where empty, all.
-        sizes: sides of the crops in pixels; where empty, all.
-        sums: further configurations, each several descriptors joined by "+".
+        layers: outputs of the network; empty for all.
+        sizes: sides of the crops in pixels; empty for all.
+        sums: further configurations, each of several descriptors joined by "+".
 
     Raises:
-        SettingsError: there is no such network, layer or size.
+        SettingsError: the network, a layer or a size is unknown.
     """
 
     network: str
@@ -56,23 +56,23 @@ class Grid:
 
     @property
     def descriptors(self) -> list[str]:
-        """Names of all configurations, those of one size together."""
+        """Return the names of all configurations, ordered by size, then by layer."""
         taps = (Tap(self.network, layer, size) for size in self.sizes for layer in self.layers)
         return distinct([tap.name for tap in taps] + list(self.sums))
 
 
 @dataclass(frozen=True)
-class Result:
-    """What came of one configuration on one benchmark.
+class Score:
+    """Successes of one configuration on one benchmark.
 
     Attributes:
-        benchmark: its name.
+        benchmark: name of the benchmark.
         descriptor: the configuration.
-        status: whether it was run.
-        reason: why not; None where it was.
+        status: whether the configuration was run.
+        reason: why it was not run; None where it was.
         cases: number of cases.
         strict: number of strict successes; None where it was not run.
-        loose: number of loose successes.
+        loose: number of loose successes; None where it was not run.
     """
 
     benchmark: str
@@ -86,12 +86,12 @@ class Result:
 
 @dataclass(frozen=True)
 class _Sources:
-    """What the localizers of a sweep share.
+    """Inputs of all localizers of a sweep.
 
     Attributes:
-        variants: method, descriptor and settings of each configuration.
-        folder: where vectors lie while they are needed.
-        disk_bytes: limit on their size.
+        variants: settings of each configuration.
+        folder: folder for vectors while they are needed.
+        disk_bytes: limit on the size of the vectors.
     """
 
     variants: tuple[Settings, ...]
@@ -112,24 +112,24 @@ def run_sweep(
     *,
     disk_bytes: int,
     workers: Workers | None = None,
-) -> list[Result]:
-    """Localize every case with every configuration whose weights are there; see `resume`.
+) -> list[Score]:
+    """Localize every case with every configuration that has weights; see `resume`.
 
-    Proposals and points of an image are computed once in each worker, and each network runs once
-    for each size. The rows are those of method `paper`; the times of shared stages stand in the
-    row that came first.
+    Each worker computes the proposals and points of an image once, and runs each network once for
+    each size. The rows are those of method `paper`. The time of a shared stage is in the row of the
+    first configuration that needed it.
 
     Args:
         cases: the cases; those that share an image should follow each other.
         grid: the configurations.
-        settings: all but method and descriptor.
-        file: JSON Lines, one line a case and configuration; made where missing.
-        disk_bytes: limit on the vectors that each worker keeps beside the file during the run.
-        workers: where the work is done, one case at a time; None: this process.
+        settings: the settings; method and descriptor are replaced.
+        file: JSON Lines, one line a case and configuration.
+        disk_bytes: limit on the vectors that each worker stores beside the file during the run.
+        workers: processes that do the work, one case at a time; None: this process.
 
     Raises:
         WeightsError: a weights file is damaged or not of its network.
-        OSError: the disk is full; the rows so far are kept.
+        OSError: the disk is full; the rows before are kept.
     """
     _localizers.cache_clear()
     ready = [name for name in grid.descriptors if not _lacks_weights(name, settings)]
@@ -152,9 +152,9 @@ def run_sweep(
     )
     by_name = {name: rows[index :: len(ready)] for index, name in enumerate(ready)}
     return [
-        _result(file.stem, name, by_name[name])
+        _score(file.stem, name, by_name[name])
         if name in by_name
-        else Result(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
+        else Score(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
         for name in grid.descriptors
     ]
 
@@ -165,7 +165,11 @@ def _columns(task: _Task) -> Row:
 
 
 def _lacks_weights(descriptor: str, settings: Settings) -> bool:
-    """Whether no weights are named or fetched; a named file that is not there is an error."""
+    """Tell whether weights are neither named nor fetched.
+
+    Raises:
+        WeightsError: weights are named, but their file is missing or damaged.
+    """
     for network in {tap.network for tap in taps_of(descriptor)}:
         try:
             weights_file(network, settings)
@@ -178,7 +182,7 @@ def _lacks_weights(descriptor: str, settings: Settings) -> bool:
 
 @functools.lru_cache(maxsize=1)
 def _localizers(sources: _Sources) -> dict[str, Localizer]:
-    """One localizer a configuration; they share features, and hold none themselves."""
+    """Make a localizer for each configuration; all of them share their features."""
     variants = {each.descriptor: each for each in sources.variants}
     some = sources.variants[0]
     taps = [tap for name in variants for tap in taps_of(name)]
@@ -192,16 +196,16 @@ def _localizers(sources: _Sources) -> dict[str, Localizer]:
     }
 
 
-def _result(benchmark: str, descriptor: str, rows: Sequence[Row]) -> Result:
+def _score(benchmark: str, descriptor: str, rows: Sequence[Row]) -> Score:
     strict, loose = (sum(row[name] for row in rows) for name in ("strict", "loose"))
-    return Result(benchmark, descriptor, "run", None, len(rows), strict, loose)
+    return Score(benchmark, descriptor, "run", None, len(rows), strict, loose)
 
 
 def first_pairs(cases: Sequence[Case], sequence: str, count: int) -> list[Case]:
-    """The first pairs of one KITTI sequence; all for 0.
+    """Select the first `count` pairs of one KITTI sequence; all for 0.
 
     Raises:
-        BenchmarkError: there are none.
+        BenchmarkError: the sequence has no pairs.
     """
     chosen = [case for case in cases if case.name.startswith(f"{sequence}/")]
     if not chosen:
@@ -209,8 +213,8 @@ def first_pairs(cases: Sequence[Case], sequence: str, count: int) -> list[Case]:
     return chosen[: count or None]
 
 
-def sweep_table(grid: Grid, results: Sequence[Result]) -> str:
-    """Markdown: strict successes, layers by sizes, a table for each benchmark, then the sums."""
+def sweep_table(grid: Grid, results: Sequence[Score]) -> str:
+    """Return, in Markdown, strict successes by layer and size, and of the sums, by benchmark."""
     parts = []
     for benchmark in distinct(result.benchmark for result in results):
         cells = {
@@ -231,14 +235,14 @@ def sweep_table(grid: Grid, results: Sequence[Result]) -> str:
     return "\n\n".join(parts)
 
 
-def _cell(result: Result) -> str:
+def _cell(result: Score) -> str:
     if result.status == "not run":
         return f"not run: {result.reason}"
     return f"{result.strict} / {result.cases}"
 
 
-def write_summary(results: Sequence[Result], folder: Path) -> Path:
-    """Write `sweep.json`, a list of the results, and return its path."""
+def write_summary(results: Sequence[Score], folder: Path) -> Path:
+    """Write the scores to `sweep.json`, and return its path."""
     file = folder / "sweep.json"
     file.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
     return file

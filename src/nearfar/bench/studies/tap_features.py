@@ -1,4 +1,4 @@
-"""Descriptors of all network taps at once, kept in files for the sweep."""
+"""Descriptors of several outputs of a network at once, stored in files for the sweep."""
 
 import hashlib
 import tempfile
@@ -32,27 +32,27 @@ _VALUE_BYTES = np.dtype(np.float16).itemsize
 
 
 class Describer(Protocol):
-    """Describes boxes by several outputs; see `nearfar.networks.runner.CropNetwork`."""
+    """Describes boxes by several outputs, like `nearfar.networks.runner.CropNetwork`."""
 
     @property
     def dimensions(self) -> tuple[int, ...]:
-        """Number of values of each output for one box."""
+        """Return the number of values of each output for one box."""
         ...
 
     def describe(self, pixels: RGBPixels, boxes: Boxes) -> list[NDArray[np.float16]]:
-        """For each output, (N, D) vectors of unit length."""
+        """Return (N, D) vectors of unit length for each output."""
         ...
 
 
 class VectorFile:
-    """What a network says about the boxes of an image.
+    """The vectors of all outputs of a network for the boxes of an image, in a temporary file.
 
     Args:
         network: describes the boxes.
         pixels: the working image.
         boxes: (N, 4) boxes inside the image.
-        folder: where the file is, on a disk with room for it.
-        batch_size: boxes whose vectors are in memory at a time.
+        folder: folder of the file.
+        batch_size: number of boxes whose vectors are in memory at a time.
 
     Raises:
         OSError: the disk is full.
@@ -75,18 +75,18 @@ class VectorFile:
 
     @property
     def nbytes(self) -> int:
-        """Size of the file."""
+        """Return the size of the file in bytes."""
         return self._starts()[-1]
 
     def vectors(self, output: int) -> Vectors:
-        """(N, D) float16 of one output, read-only, mapped into memory as long as it is used."""
+        """Return the (N, D) float16 vectors of one output, a read-only map of the file."""
         shape = self._count, self._dimensions[output]
         if self._count == 0:
             return np.empty(shape, np.float16)
         return np.memmap(self._file, np.float16, "r", self._starts()[output], shape)
 
     def _starts(self) -> list[int]:
-        """Where each output starts in the file, and where the last one ends, in bytes."""
+        """Return the offset of each output in the file, and the end of the last one, in bytes."""
         lengths = (self._count * length * _VALUE_BYTES for length in self._dimensions)
         return list(accumulate(lengths, initial=0))
 
@@ -102,7 +102,7 @@ class Network:
     """A network whose outputs are descriptors.
 
     Attributes:
-        layers: names of its outputs, first to last.
+        layers: names of the outputs, first to last.
         sizes: sides of the crops in pixels, largest first.
         model: weights, names of outputs, side of the crops -> ONNX model.
     """
@@ -127,15 +127,15 @@ class Tap(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The descriptor's name."""
+        """Return the name of the descriptor."""
         return f"{self.network}-{self.layer}@{self.size}"
 
 
 def taps_of(descriptor: str) -> tuple[Tap, ...]:
-    """The outputs that a descriptor's name, or several joined by "+", stands for.
+    """Return the outputs in the name of a descriptor, which may join several by "+".
 
     Raises:
-        SettingsError: one of them is not an output of a network.
+        SettingsError: a part of the name is no output of a network.
     """
     taps = []
     for name in descriptor.split("+"):
@@ -155,12 +155,12 @@ _Source = tuple[str, int]
 
 
 class TapFeatures:
-    """Boxes, points and vectors of images; each is computed once while it is kept.
+    """Boxes, points and vectors of images, each computed once while it is kept.
 
     Args:
-        taps: the outputs that will be asked for; all of one network and size come in one pass.
+        taps: all outputs that will be needed; those of one network and size come from one pass.
         settings: proposer, weights and batch size.
-        folder: where the vectors lie while they are needed.
+        folder: folder for the vectors while they are needed.
         disk_bytes: limit on their size, beyond the images of one pair.
 
     Raises:
@@ -192,7 +192,7 @@ class TapFeatures:
         )
 
     def extract(self, pixels: RGBPixels, taps: Sequence[Tap], timer: StageTimer) -> PaperFeatures:
-        """What method `paper` needs of an image with some outputs as descriptors."""
+        """Extract the features of an image for method `paper`, with some outputs as descriptors."""
         image = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest()
         if image not in self._images:
             self._images[image] = self._detect(pixels, timer)
@@ -228,12 +228,12 @@ class TapFeatures:
 
 
 class TapMethod:
-    """Method `paper` with outputs of networks that other configurations share.
+    """Method `paper` with features that other configurations share.
 
     Args:
-        features: where they come from.
+        features: the shared features.
         taps: the outputs of this configuration.
-        estimator: matches -> model.
+        estimator: point matches -> model.
     """
 
     uses_landmarks = True

@@ -26,14 +26,14 @@ bench_app.command(run_command, name="run")
 def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
     """Write a report of benchmark results: a page, LaTeX tables, and all rows as CSV and Parquet.
 
-    A RUN is a folder that `nearfar bench` wrote. Results of the same benchmark in several runs are
-    shown beside each other; where case and settings are the same, the later run counts. The page
-    is one file that needs no network.
+    A RUN is a folder that `nearfar bench` wrote. The report shows results of one benchmark from
+    several runs together. If case and settings are equal, the later run counts. The page is one
+    file that needs no network.
 
     Args:
         run: Folder of results.
         runs: Further folders of results.
-        out: Folder for the report; by default `report` in the first RUN.
+        out: Folder for the report. Default: `report` in the first RUN.
     """
     require("bench", "jinja2", "matplotlib", "pyarrow")
     from nearfar.bench.report.page import write_report

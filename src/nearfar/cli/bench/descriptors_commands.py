@@ -54,23 +54,23 @@ def sweep_command(
 ) -> None:
     """Compare all layers and crop sizes of a network as landmark descriptors of method `paper`.
 
-    Results go to OUT/sweep_pairs.jsonl and OUT/sweep_kitti.jsonl, one line a pair and
-    configuration, and to OUT/sweep.json; a run that was stopped goes on where it was. Without
-    weights of the network nothing is run.
+    Results go to OUT/sweep_pairs.jsonl and OUT/sweep_kitti.jsonl, with one line for each pair and
+    configuration, and to OUT/sweep.json. A run that was stopped is resumed. Without weights of the
+    network nothing is run.
 
     Args:
-        out: Folder for the results; during the run also for descriptors.
+        out: Folder for the results, and for descriptors during the run.
         pairs: Folder of image pairs, see `nearfar bench pairs`.
         kitti: Folder of the KITTI Odometry data, see `nearfar bench kitti`.
         network: The network.
-        layers: Outputs of the network; by default all.
-        sizes: Sides of the crops in pixels; by default all.
-        sums: Descriptors joined by "+" whose landmark matches are united, e.g.
+        layers: Outputs of the network. Default: all.
+        sizes: Sides of the crops in pixels. Default: all.
+        sums: Descriptors joined by "+", whose landmark matches are united, e.g.
             resnet50-res3d@64+resnet50-res5c@224; may be repeated.
         sequence: KITTI sequence.
-        first: Use only so many of its pairs, the first ones; 0: all.
-        sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
-        disk_gigabytes: Limit on the descriptors of each worker that OUT holds during the run.
+        first: Number of pairs of the sequence to use, from its start; 0: all.
+        sample: Number of pairs to use, drawn with the seed of the settings; 0: all.
+        disk_gigabytes: Limit on the descriptors in OUT of each worker during the run.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     if pairs is None and kitti is None:
@@ -122,22 +122,22 @@ def landmarks_command(
 ) -> None:
     """Measure how often descriptors find regions of the near image in the far one.
 
-    Only pairs of FOLDER that are related by a homography are used. Regions are proposals of the
-    near image that the far one shows. The search "boxes" compares them with the proposals of the
-    far image, in eight rotations. The search "dense" compares feature maps at every position, scale
-    and rotation, if the descriptor has such maps. Results go to OUT/landmarks.jsonl, plots to OUT.
-    A run that was stopped goes on where it was.
+    The benchmark uses the pairs of FOLDER that are related by a homography. Regions are proposals
+    of the near image that the far image shows. The search "boxes" compares them, in eight
+    rotations, with the proposals of the far image. The search "dense" uses feature maps at every
+    place, scale and rotation, if the descriptor has them. Results go to OUT/landmarks.jsonl, and
+    plots to OUT. A run that was stopped is resumed.
 
     Args:
         folder: Folder of image pairs, see `nearfar bench pairs`.
         out: Folder for the results.
-        descriptor: A landmark descriptor to compare; may be repeated.
-        baseline: The one of them that the others are compared with.
+        descriptor: Landmark descriptor to compare; may be repeated.
+        baseline: Descriptor with which the others are compared.
         search: boxes or dense; may be repeated. Default: both.
-        regions: Regions of a pair to look for among boxes.
-        dense_regions: Regions of a pair to look for everywhere, which takes longer.
-        sets: Use the pairs of this set only, e.g. homogr; may be repeated.
-        sample: Use only so many pairs, drawn with the seed of the settings; 0: all.
+        regions: Number of regions of a pair to search for among boxes.
+        dense_regions: Number of regions of a pair to search for everywhere, which is slower.
+        sets: Use only the pairs of this set, e.g. homogr; may be repeated.
+        sample: Number of pairs to use, drawn with the seed of the settings; 0: all.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     require("bench", "matplotlib")
@@ -178,7 +178,7 @@ def _report(
         parts += [
             "Ratio of recall@1, with 95 % intervals:",
             ratio_table(found, str(baseline), seed),
-            "Ratio of findable regions whose first answer is wrong, with 95 % intervals:",
+            "Ratio of findable regions whose first answer is incorrect, with 95 % intervals:",
             ratio_table(found, str(baseline), seed, misses=True),
         ]
     plots = plot_recall(found, SEARCH_TITLES[search], out / f"landmarks_{search}", seed)
@@ -187,7 +187,7 @@ def _report(
 
 
 def _print_remarks(rows: Sequence[LandmarkResult], dense: Sequence[Settings]) -> None:
-    """Say what is left out of the tables and why."""
+    """Print which results the tables leave out, and why."""
     for each in dense:
         if not has_feature_maps(each):
             print_text(

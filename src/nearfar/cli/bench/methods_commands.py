@@ -1,13 +1,10 @@
 """`nearfar bench` run, pairs, kitti and scale-curve: they compare methods."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
-from rich.progress import Progress
 
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.composites import Backgrounds
@@ -40,6 +37,7 @@ from nearfar.cli.bench.options import (
 from nearfar.cli.options import Flag
 from nearfar.errors import BenchmarkError, SettingsError
 from nearfar.runtime import require
+from nearfar.runtime.logs import shown_progress
 
 
 def run_command(
@@ -47,7 +45,8 @@ def run_command(
 ) -> None:
     """Run any study, also one of your own, on the cases of FOLDER.
 
-    Results go to OUT/STUDY.jsonl, one line a case and method, and plots beside them.
+    Results go to OUT/STUDY.jsonl, with one line for each case and method. Plots are written beside
+    them.
 
     Args:
         study: Name of the study (`nearfar list`), or python:module.Class.
@@ -70,13 +69,13 @@ def pairs_command(
 
     FOLDER and its subfolders may hold pairs in three layouts: pair.json; numbered PNGs with
     A_to_B.yaml (the paper's Montreal set); sequences with H1to2p or H_1_2 (Oxford, HPatches).
-    Results go to OUT/pairs.jsonl (pairs_1200x900.jsonl), one line a pair and method, and a plot
-    beside them.
+    Results go to OUT/pairs.jsonl, or OUT/pairs_1200x900.jsonl, with one line for each pair and
+    method. A plot is written beside them.
 
     Args:
         folder: Folder of image pairs.
-        paper_size: Resize all images to 1200x900 first, as in the paper's experiment; errors are
-            then in pixels of that size.
+        paper_size: Resize all images to 1200x900 pixels first, as in the paper. Errors are then in
+            pixels of that size.
     """
     study = STUDIES.create("pairs", settings)
     cases = sampled(study.cases(folder), options.sample, settings.seed)
@@ -98,13 +97,13 @@ def kitti_command(
     """Estimate the relative poses of the paper's pairs of KITTI Odometry frames.
 
     FOLDER has the official layout: sequences/XX/image_2 (or image_0), sequences/XX/calib.txt,
-    poses/XX.txt; frames and sequences may be missing. Where image_3 (or image_1) is there, lengths
-    are taken from stereo. Results go to OUT/kitti.jsonl, one line a pair and method, and plots
-    beside them.
+    poses/XX.txt. Frames and sequences may be missing. With image_3 (or image_1), lengths are taken
+    from stereo. Results go to OUT/kitti.jsonl, with one line for each pair and method. Plots are
+    written beside them.
 
     Args:
         folder: Folder of the KITTI Odometry data.
-        count_only: Count the pairs that the poses give, and do nothing else.
+        count_only: Only count the pairs that the poses give.
         sequence: Use only this sequence, e.g. 00; may be repeated.
     """
     if count_only and sequence:
@@ -160,18 +159,18 @@ def scale_curve_command(
 ) -> None:
     """Measure success against total scale change on real images.
 
-    Base pairs are those of PAIRS that are related by a homography. The mode "pairs" takes them as
-    they are. The mode "scale" reduces the far image and sets it into a scene of photographs of
-    BACKGROUNDS. The mode "tilt" first tilts the far image by 45 to 70 degrees. Made far images go
-    to OUT/cases, results to OUT/scale_curve.jsonl, plots to OUT. A run that was stopped goes on
-    where it was. S50 is the scale change at which strict success falls to one half.
+    Base pairs are the pairs of PAIRS that are related by a homography. Mode pairs uses them as they
+    are. Mode scale reduces the far image and sets it into a scene of photographs of BACKGROUNDS.
+    Mode tilt tilts the far image by 45 to 70 degrees before that. Made far images go to OUT/cases,
+    results to OUT/scale_curve.jsonl, and plots to OUT. A run that was stopped is resumed. S50 is
+    the scale change at which strict success falls to one half.
 
     Args:
         pairs: Folder of image pairs, each with a pair.json.
         backgrounds: Folder of photographs for the scenes.
         mode: pairs, scale, tilt or all; may be repeated. Default: all.
         factors: Reductions of the far images.
-        sets: Use the pairs of this set only, e.g. homogr; may be repeated.
+        sets: Use only the pairs of this set, e.g. homogr; may be repeated.
         case_seed: Seed of tilts, places and scenes.
     """
     require("bench", "matplotlib", "scipy")
@@ -201,16 +200,17 @@ def _make_images(
     bases: Sequence[Case],
     seed: int,
 ) -> None:
-    """Make the far images that are missing, with a progress bar on a terminal."""
+    """Make the far images that are missing."""
     plans = [plan for plan in plans if plan.view is not None]
     if not plans:
         return
     if folder is None:
         raise BenchmarkError("the modes scale and tilt need --backgrounds")
     backgrounds = Backgrounds(folder, pair_images=_images(found), base_images=_images(bases))
-    console = Console(stderr=True)
-    with Progress(disable=not sys.stderr.isatty(), console=console) as progress:
-        make_images(progress.track(plans, description="far images"), backgrounds, seed)
+    with shown_progress("far images") as show:
+        for done, plan in enumerate(plans):
+            make_images([plan], backgrounds, seed)
+            show(done + 1, len(plans))
 
 
 def _images(cases: Sequence[Case]) -> list[Path]:

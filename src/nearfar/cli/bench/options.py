@@ -1,4 +1,4 @@
-"""Options and steps that the benchmarks share."""
+"""Options and steps that several benchmarks share."""
 
 import math
 import random
@@ -23,20 +23,20 @@ from nearfar.storage.locations import Location, Url, staged
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _BenchSettings(Settings):
-    """Settings of a benchmark: by default every model counts, as in the paper."""
+    """Settings of a benchmark, which accepts every model by default, as the paper does."""
 
     method: Annotated[str, Parameter(parse=False)] = "paper"
     descriptor: Annotated[str, Parameter(parse=False)] = "nearfar"
     max_false_alarms: float = math.inf
-    """Count as a failure where so many models as good as the one found are expected by chance; inf
-    accepts every model, as the paper does."""
+    """Reject a model if more models as good as it are expected by chance (number of false alarms).
+    inf accepts every model, as the paper does."""
     min_confidence: float = 0.0
-    """Count as a failure where the calibrated confidence is below this; 0 accepts all that
+    """Reject a model if its calibrated confidence is below this. 0 accepts all that
     max_false_alarms accepts."""
 
 
 BenchSettings = Annotated[_BenchSettings, EACH_SETTING]
-"""All settings but those that are compared, each as one option."""
+"""All settings except those that are compared, each as one option."""
 
 DEFAULTS = _BenchSettings()
 
@@ -46,42 +46,42 @@ _Names = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 @Parameter(name="*", group="Run")
 @dataclass(frozen=True, kw_only=True)
 class RunOptions(Workplace):
-    """What is compared, on how much, and where the work is done."""
+    """The methods to compare, the cases, and the workers."""
 
     out: Place
-    """Folder for the results, or URL of one (s3://BUCKET/PATH) where no images are made; a run that
-    was stopped goes on where it was."""
+    """Folder for the results. It may be a URL (s3://BUCKET/PATH) if the benchmark makes no images.
+    A run that was stopped is resumed."""
 
     method: _Names = ()
-    """A method to compare; may be repeated. Default: paper."""
+    """Method to compare; may be repeated. Default: paper."""
 
     descriptor: _Names = ()
-    """A landmark descriptor to compare; may be repeated. Default: nearfar."""
+    """Landmark descriptor to compare; may be repeated. Default: nearfar."""
 
     weights: WeightOptions = ()
     """Weights of a network, e.g. resnet50=resnet50.pth; may be repeated."""
 
     sample: int = 0
-    """Use only so many cases, drawn with the seed of the settings; 0: all."""
+    """Number of cases to use, drawn with the seed of the settings; 0: all."""
 
     features: Place | None = None
-    """Folder that keeps the features of images between processes and runs; default OUT/features,
-    where OUT is no URL."""
+    """Folder that keeps the features of images between processes and runs. Default: OUT/features,
+    unless OUT is a URL."""
 
     def local_out(self) -> Path:
-        """The folder for results where it has to be one that programs can open.
+        """Return the folder for results, which must be on a disk.
 
         Raises:
-            SettingsError: it is a URL.
+            SettingsError: the folder is a URL.
         """
         return on_disk(self.out)
 
 
 def on_disk(out: Location) -> Path:
-    """A folder that programs can open.
+    """Return a folder on a disk.
 
     Raises:
-        SettingsError: it is a URL.
+        SettingsError: the folder is a URL.
     """
     if isinstance(out, Url):
         raise SettingsError(f"this needs a folder on a disk for its files, not {out}")
@@ -125,7 +125,7 @@ def print_text(text: str) -> None:
 
 
 def variants(settings: Settings, options: RunOptions) -> list[Settings]:
-    """Settings of each method, of those with landmarks once for each descriptor.
+    """Return the settings of each method; a method with landmarks has one for each descriptor.
 
     Raises:
         SettingsError: a name is unknown.
@@ -144,10 +144,10 @@ def variants(settings: Settings, options: RunOptions) -> list[Settings]:
 
 
 def sampled(cases: list[Case], count: int, seed: int) -> list[Case]:
-    """So many of the cases, drawn with a seed, in their order; all for 0.
+    """Draw `count` cases with a seed, and keep their order; all for 0.
 
     Raises:
-        SettingsError: there are to be fewer than none.
+        SettingsError: the count is negative.
     """
     if count < 0:
         raise SettingsError(f"--sample must be at least 0, not {count}")
