@@ -163,6 +163,7 @@ def list_command() -> None:
     """
     console = Console(emoji=False, highlight=False)
     for registry in REGISTRIES:
-        console.print(f"[bold]{registry.kind}s[/bold]")
+        kinds = f"{registry.kind}s".replace("ys", "ies")
+        console.print(f"[bold]{kinds}[/bold]")
         for name in registry.names():
             console.print(f"  {name}", markup=False)

@@ -216,16 +216,15 @@ def locate_command(
         intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
             {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
     """
-    settings = search.settings()
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
-    open_map(folder, settings=settings)
+    open_map(folder, settings=search.settings())
     from nearfar.cli.map_queries import Query, died, locate_query
 
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
     tasks = [
-        Query(query, name, folder, settings, search.top, search.candidates, camera, save, run)
+        Query(query, name, folder, search, camera, save, run)
         for query, name in zip(queries, _names(queries), strict=True)
     ]
     located = []

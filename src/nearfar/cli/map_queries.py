@@ -4,13 +4,13 @@ import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
+from nearfar.cli.options import SearchOptions
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import GeoPlace, QueryPose
-from nearfar.settings import Settings
 from nearfar.storage.locations import Location, local_copy, staged
 
 LONGEST_CRS = 20
@@ -25,9 +25,7 @@ class Query:
         source: file of the query.
         name: name of the files that are saved for the query, without suffix.
         folder: folder of the map.
-        settings: settings to open the map with.
-        top: see `Map.locate`.
-        candidates: see `Map.locate`.
+        search: how to search the map.
         camera: camera of the query; None where it is not known.
         save: folder for files; None saves none.
         run: id of the run; a worker opens the map once a run.
@@ -36,9 +34,7 @@ class Query:
     source: Location
     name: str
     folder: Location
-    settings: Settings
-    top: int
-    candidates: int
+    search: SearchOptions
     camera: CameraIntrinsics | None
     save: Location | None
     run: str
@@ -69,12 +65,11 @@ def locate_query(query: Query) -> Located:
     Raises:
         NearfarError: something else than the query is at fault.
     """
-    map_ = _opened(query.folder, query.settings, query.run)
+    map_ = _opened(query.folder, query.search, query.run)
     try:
         with local_copy(query.source) as file:
-            found = map_.locate(
-                file, top=query.top, candidates=query.candidates, intrinsics=query.camera
-            )
+            top, candidates = query.search.top, query.search.candidates
+            found = map_.locate(file, top=top, candidates=candidates, intrinsics=query.camera)
     except (ImageError, FileNotFoundError) as error:
         missing = isinstance(error, FileNotFoundError)
         return Located(f"{query.source} does not exist" if missing else str(error))
@@ -96,9 +91,9 @@ def died(query: Query) -> Located:
 
 
 @functools.lru_cache(maxsize=1)
-def _opened(folder: Location, settings: Settings, _: str) -> Map:
+def _opened(folder: Location, search: SearchOptions, _: str) -> Map:
     """Open the map once a process and run."""
-    return open_map(folder, settings=settings)
+    return open_map(folder, settings=search.settings())
 
 
 def _text(found: MapLocalization, *, posing: bool) -> str:
