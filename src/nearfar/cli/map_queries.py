@@ -75,7 +75,7 @@ def locate_query(query: Query) -> Located:
         return Located(f"{query.source} does not exist" if missing else str(error))
     except NearfarError:
         raise
-    except Exception as error:  # Libraries raise whatever they like at an image.
+    except Exception as error:  # Libraries raise many kinds of errors for an image.
         return Located(f"{query.source}: {type(error).__name__}: {error}")
     found = replace(found, query=query.source)
     if query.save is not None:

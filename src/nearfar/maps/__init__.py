@@ -40,7 +40,7 @@ def open_map(
         MissingExtraError: packages of the extra `map` are not installed.
         SettingsError: an option is unknown or out of range.
         StorageError: object storage does not answer or refuses.
-        WeightsError: a map is to be made, and the weights of the descriptor cannot be read.
+        WeightsError: a new map needs the weights of the descriptor, and they cannot be read.
     """
     require("map", *PACKAGES)
     from nearfar.maps.map import Map

@@ -127,7 +127,7 @@ def add_images(
 
 
 class _Waiting:
-    """Images that are to be committed together."""
+    """Collects images and commits them together."""
 
     def __init__(self, store: MapStore) -> None:
         self._store = store
@@ -170,7 +170,7 @@ def _indexed(task: _Task) -> Indexed | MapImage:
         return _failed(task, sha256, str(error).replace(str(task.file), "the file"))
     except NearfarError:
         raise
-    except Exception as error:  # Libraries raise whatever they like at an image.
+    except Exception as error:  # Libraries raise many kinds of errors for an image.
         return _failed(task, sha256, f"{type(error).__name__}: {error}")
     image = replace(found.image, size=state.size, modified=state.modified)
     return replace(found, image=image)

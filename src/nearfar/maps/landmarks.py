@@ -34,7 +34,7 @@ QUERY_SIDES = (400, 283, 200, 141, 100)
 """Longer sides of the levels of a query, in pixels."""
 CHECKERBOARD_FROM = 200
 """Longer side in pixels from which on the windows of a level of a query are subsampled like a
-checkerboard: the time of a search is proportional to them, and those of the map lie close."""
+checkerboard: the time of a search is proportional to them, and windows of the map overlap."""
 ANGLES = tuple(range(0, 360, 45))
 """Rotations of a query, in degrees, in which it is described."""
 

@@ -35,7 +35,7 @@ class MapImage:
         status: "ok", or why the image could not be read.
         landmarks: number of its landmarks.
         size: size of the file in bytes; -1 where the next build has to read the file again.
-        modified: time of the file's last change, in nanoseconds since 1970; -1 likewise.
+        modified: time of the file's last change, in nanoseconds since 1970; -1 as for `size`.
     """
 
     id: int

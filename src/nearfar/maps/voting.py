@@ -163,8 +163,8 @@ def _of_image(votes: Votes, size: tuple[int, int]) -> Iterator[Hypothesis]:
 def _agreeing(votes: Votes, seeds: NDArray[np.intp], diagonal: float) -> Mask:
     """Return (S, N) which votes agree with each seed within the tolerances."""
     seed = votes[seeds]
-    apart = np.hypot(*(votes.place - seed.place[:, np.newaxis]).transpose(2, 0, 1))
-    near_by = apart < PLACE_TOLERANCE * diagonal * seed.scale[:, np.newaxis]
+    distance = np.hypot(*(votes.place - seed.place[:, np.newaxis]).transpose(2, 0, 1))
+    near_by = distance < PLACE_TOLERANCE * diagonal * seed.scale[:, np.newaxis]
     ratio = np.abs(np.log(votes.scale) - np.log(seed.scale)[:, np.newaxis])
     turned = np.cos(votes.angle - seed.angle[:, np.newaxis])
     agree = near_by & (ratio < math.log(SCALE_TOLERANCE)) & (turned > math.cos(ANGLE_TOLERANCE))

@@ -68,7 +68,7 @@ class RunMetrics:
         done: tasks that were finished, failed ones included.
         failed: tasks without a result, with a reason in its place.
         skipped: tasks that were done before.
-        retried: times that a task was begun again since its worker died.
+        retried: number of times that a task was run again because its worker died.
         workers: processes that did tasks.
     """
 

@@ -134,10 +134,8 @@ class Workers:
             require("bench", "joblib")
             from joblib.externals.loky import get_reusable_executor
 
-            # A single process would be this one.
-            slots = max(2, self.jobs)
-            pool = get_reusable_executor(slots, env=THREADS, initializer=_keep_caches)
-            yield _Pool(pool, lambda: slots)
+            pool = get_reusable_executor(self.jobs, env=THREADS, initializer=_keep_caches)
+            yield _Pool(pool, lambda: self.jobs)
             return
         require("cluster", "distributed")
         with connected(self.scheduler) as client:
@@ -274,6 +272,6 @@ def _done(function: Callable[[T], R], task: T) -> tuple[R, Work]:
 
 
 def _done_alone(function: Callable[[T], R], task: T) -> tuple[R, Work]:
-    begun = time.process_time()
+    start = time.process_time()
     result = function(task)
-    return result, Work(this_worker(), time.process_time() - begun)
+    return result, Work(this_worker(), time.process_time() - start)

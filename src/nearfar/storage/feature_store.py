@@ -82,7 +82,7 @@ class FeatureStore:
     def get_or_compute(self, key: str, compute: Callable[[], Features]) -> Features:
         """Return the stored features, or compute and store them.
 
-        Features that cannot be stored, e.g. on a full disk, are returned all the same.
+        Features that cannot be stored, e.g. on a full disk, are still returned.
 
         Args:
             key: file name without suffix.

@@ -230,7 +230,7 @@ def _cause(text: str) -> str:
 
 
 def lance_options(place: Location) -> dict[str, str] | None:
-    """Return options of LanceDB for a place, beside those that it reads from the environment."""
+    """Return options of LanceDB for a place, besides those that it reads from the environment."""
     if isinstance(place, Path):
         return None
     return {

@@ -41,7 +41,7 @@ class ColmapModel:
 
         try:
             self._model: Any = pycolmap.Reconstruction(path)
-        except Exception as error:  # Damaged files make COLMAP raise whatever it likes.
+        except Exception as error:  # COLMAP raises many kinds of errors for damaged files.
             raise MapError(f"the COLMAP model {path} cannot be read: {error}") from error
         self.path = path
         self._posed = {image.name: image for image in self._model.images.values() if image.has_pose}

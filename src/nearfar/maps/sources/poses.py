@@ -69,7 +69,7 @@ class PoseList:
         camera: of all images, in pixels of the original images.
         rotations: (N, 3, 3) take directions in the cameras to the world.
         centres: (N, 3) of the cameras in the world.
-        times: (N,) rising, in seconds; None where the list tells none.
+        times: (N,) rising, in seconds; None where the list has no times.
     """
 
     path: Path
@@ -145,7 +145,7 @@ def _check_order(names: Sequence[str], file: Path) -> None:
     for first, second in itertools.pairwise(names):
         if first < second and natural_key(first) > natural_key(second):
             raise MapError(
-                f"the poses {file} are those of the images in their order, but {first} comes "
+                f"the poses {file} belong to the images in their order, but {first} comes "
                 f"before {second}: give the numbers in their names leading zeros"
             )
 
