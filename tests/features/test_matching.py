@@ -1,14 +1,33 @@
-"""Mutual nearest neighbours, against a direct computation."""
+"""Matching of descriptors, against a direct computation and OpenCV."""
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from nearfar.features import matching
-from nearfar.features.matching import mutual_nearest, negative_squared_distance, second_similarity
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import (
+    Nearest,
+    match_fginn,
+    match_mnn,
+    match_mnn_in_boxes,
+    match_snn,
+    mutual_by_ratio,
+    mutual_nearest,
+    nearest_neighbours,
+    negative_squared_distance,
+    one_match_per_cell,
+    second_similarity,
+)
 from nearfar.landmarks import cosine_similarity
+
+seeds = st.integers(0, 10_000)
+counts = st.integers(0, 60)
 
 
 @given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 1000))
@@ -79,3 +98,182 @@ def test_the_radius_is_as_long_in_x_as_in_y(axis: int, away: float, second: floa
     nearest = np.array([0])
     found = second_similarity(vectors, others, nearest, negative_squared_distance, xy, 10.0)
     assert found.tolist() == [second]
+
+
+def random_points(rng: np.random.Generator, count: int) -> Keypoints:
+    vectors = rng.integers(0, 9, (count, 6)).astype(np.float32)
+    return Keypoints.of(rng.uniform(0, 100, (count, 2)), vectors)
+
+
+def rows(pairs: np.ndarray) -> set[tuple[int, int]]:
+    return {(int(i), int(j)) for i, j in pairs}
+
+
+@given(seeds, st.integers(0, 40), st.integers(0, 40), st.floats(0.3, 1))
+@settings(deadline=None)
+def test_the_ratio_test_is_that_of_both_directions(
+    seed: int, far_count: int, near_count: int, ratio: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_points(rng, far_count), random_points(rng, near_count)
+    pairs = match_snn(far, near, ratio)
+    assert rows(pairs) <= rows(match_mnn(far, near))
+    distance = np.linalg.norm(far.descriptors[:, None] - near.descriptors[None], axis=2)
+    expected = set()
+    for i, j in match_mnn(far, near):
+        second = min(
+            np.delete(distance[i], j).min(initial=np.inf),
+            np.delete(distance[:, j], i).min(initial=np.inf),
+        )
+        if distance[i, j] < ratio * second * (1 - 1e-6):
+            expected.add((int(i), int(j)))
+    loose = {(int(i), int(j)) for i, j in pairs if distance[i, j] > 0}
+    assert expected <= rows(pairs)
+    assert all(
+        distance[i, j] <= ratio * np.delete(distance[i], j).min(initial=np.inf) * (1 + 1e-6)
+        for i, j in loose
+    )
+
+
+def test_matches_that_pass_the_ratio_test_are_nearer_than_the_second() -> None:
+    rng = np.random.default_rng(0)
+    far, others = random_points(rng, 30), random_points(rng, 30)
+    moved = far.descriptors[:20] + np.eye(20, 6, dtype=np.float32)
+    near = Keypoints.of(np.vstack([far.xy[:20], others.xy]), np.vstack([moved, others.descriptors]))
+    distance = np.linalg.norm(far.descriptors[:, None] - near.descriptors[None], axis=2)
+    pairs = [(i, j) for i, j in match_snn(far, near, 0.8) if distance[i, j] > 0]
+    assert len(pairs) >= 4
+    for i, j in pairs:
+        assert distance[i, j] < 0.8 * np.delete(distance[i], j).min() * (1 + 1e-6)
+        assert distance[i, j] < 0.8 * np.delete(distance[:, j], i).min() * (1 + 1e-6)
+
+
+@given(seeds)
+@settings(deadline=None)
+def test_a_second_point_close_by_does_not_count_as_another(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    far = random_points(rng, 20)
+    twice = Keypoints.concatenated([far, replace(far, xy=far.xy + 1)])
+    unique = Keypoints.of(
+        far.xy * 50, (rng.uniform(0, 1, (20, 6)) + np.eye(20, 6) * 9).astype(np.float32)
+    )
+    doubled = Keypoints.concatenated([unique, replace(unique, xy=unique.xy + 1)])
+    assert len(match_snn(twice, twice, 0.8)) == 0
+    apart = match_fginn(doubled, doubled, 0.8, fginn_radius=10)
+    alone = match_fginn(unique, unique, 0.8, fginn_radius=10)
+    assert len(alone) == 20
+    assert rows(apart) >= rows(alone)
+
+
+@given(seeds, st.floats(1, 40))
+@settings(deadline=None)
+def test_no_two_matches_share_a_cell(seed: int, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_points(rng, 60), random_points(rng, 60)
+    pairs = np.column_stack([rng.integers(0, 60, 80), rng.integers(0, 60, 80)])
+    kept = one_match_per_cell(far, near, pairs, size)
+    assert rows(kept) <= rows(pairs)
+    assert len(kept) > 0
+    for side, points in enumerate((far, near)):
+        cells = np.floor(points.xy[kept[:, side]] / size)
+        assert len(np.unique(cells, axis=0)) == len(kept)
+    assert len(one_match_per_cell(far, near, pairs[:0], size)) == 0
+
+
+def random_sift(rng: np.random.Generator, count: int) -> Keypoints:
+    vectors = rng.integers(0, 256, (count, 128)).astype(np.float32)
+    return Keypoints.of(rng.uniform(-0.5, 99.5, (count, 2)), vectors)
+
+
+@given(st.integers(0, 1000), st.integers(1, 50))
+def test_one_box_around_everything_equals_no_box(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_sift(rng, count), random_sift(rng, 30)
+    box = np.array([[0, 0, 100, 100]], np.int32)
+    np.testing.assert_array_equal(match_mnn_in_boxes(far, near, box, box), match_mnn(far, near))
+
+
+@given(st.integers(0, 1000))
+def test_matches_lie_in_a_pair_of_boxes_and_are_distinct(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_sift(rng, 80), random_sift(rng, 80)
+    far_boxes, near_boxes = rng.integers(1, 50, (2, 6, 4)).astype(np.int32)
+    pairs = match_mnn_in_boxes(far, near, far_boxes, near_boxes)
+    assert len(np.unique(pairs, axis=0)) == len(pairs)
+    for i, j in pairs:
+        in_far = inside(far.xy[i], far_boxes)
+        in_near = inside(near.xy[j], near_boxes)
+        assert (in_far & in_near).any()
+
+
+def inside(xy: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    pixel = np.floor(xy + 0.5)
+    result: np.ndarray = (pixel >= boxes[:, :2]).all(axis=1) & (
+        pixel < boxes[:, :2] + boxes[:, 2:]
+    ).all(axis=1)
+    return result
+
+
+def test_no_boxes_no_matches() -> None:
+    points = random_sift(np.random.default_rng(0), 10)
+    none = np.empty((0, 4), np.int32)
+    assert match_mnn_in_boxes(points, points, none, none).shape == (0, 2)
+
+
+def random_keypoints(rng: np.random.Generator, count: int) -> Keypoints:
+    """Descriptors are whole numbers: their distances are exact, and some are equal."""
+    return Keypoints.of(
+        rng.uniform(-50, 250, (count, 2)),
+        scale=np.exp(rng.uniform(0, 3, count)),
+        angle=rng.uniform(0, 2 * np.pi, count),
+        descriptors=rng.integers(0, 9, (count, 6)),
+    )
+
+
+def squared_distances(far: Keypoints, near: Keypoints) -> NDArray[np.float32]:
+    return np.asarray(np.square(far.descriptors[:, None] - near.descriptors[None]).sum(axis=2))
+
+
+def assert_nearest(found: Nearest, distance: NDArray[np.float32]) -> None:
+    """The two least values of each row; those that do not count are infinite."""
+    lines = np.arange(len(distance))
+    padded = np.pad(distance, ((0, 0), (0, 2)), constant_values=np.inf)
+    least = np.sort(padded, axis=1)
+    np.testing.assert_array_equal(found.distance, least[:, 0])
+    np.testing.assert_array_equal(found.second, least[:, 1])
+    np.testing.assert_array_equal(found.index < 0, np.isinf(least[:, 0]))
+    np.testing.assert_array_equal(padded[lines, found.index], least[:, 0])
+
+
+@given(seeds, counts, counts)
+@settings(deadline=None)
+def test_nearest_everywhere(seed: int, far_count: int, near_count: int) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_keypoints(rng, far_count), random_keypoints(rng, near_count)
+    of_far, of_near = nearest_neighbours(far, near)
+    distance = squared_distances(far, near)
+    assert_nearest(of_far, distance)
+    assert_nearest(of_near, distance.T)
+
+
+@given(seeds, counts, counts, st.floats(0.3, 1))
+@settings(deadline=None)
+def test_the_ratio_test_is_that_of_the_points(
+    seed: int, far_count: int, near_count: int, ratio: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    far, near = random_keypoints(rng, far_count), random_keypoints(rng, near_count)
+    pairs = mutual_by_ratio(*nearest_neighbours(far, near), ratio)
+    expected = match_snn(far, near, ratio)
+    np.testing.assert_array_equal(pairs, expected)
+
+
+def test_blocks_of_distances_do_not_change_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(2)
+    far, near = random_keypoints(rng, 200), random_keypoints(rng, 90)
+    whole = nearest_neighbours(far, near)
+    monkeypatch.setattr(matching, "BLOCK_DISTANCES", 7 * 90)
+    for ours, theirs in zip(nearest_neighbours(far, near), whole, strict=True):
+        np.testing.assert_array_equal(ours.index, theirs.index)
+        np.testing.assert_array_equal(ours.distance, theirs.distance)
+        np.testing.assert_array_equal(ours.second, theirs.second)
