@@ -93,7 +93,7 @@ def add_to_benchmark(
 ) -> Path:
     """Write `NAME/pair.json` into a benchmark folder.
 
-    ImageFiles that lie in the folder are named where they are; others are copied beside the file.
+    Images that lie in the folder are named where they are; others are copied beside the file.
 
     Args:
         annotation: an annotation with enough points.
