@@ -48,21 +48,21 @@ def test_what_a_killed_run_wrote_counts(bucket: Url, monkeypatch: pytest.MonkeyP
 
 def test_two_runs_at_once_lose_nothing(bucket: Url, monkeypatch: pytest.MonkeyPatch) -> None:
     file = bucket / "rows.jsonl"
-    joined = rows._joined
+    create = Url.create
     interrupted = False
 
-    def and_another_run(url: Url, parts: list[Url]) -> tuple[dict[str, None], str | None]:
+    def after_another_run(self: Url, content: bytes) -> None:
         nonlocal interrupted
-        found = joined(url, parts)
         if not interrupted:
             interrupted = True
             with PartedRowFile(file) as other:
                 other.append(ROWS[1])
-        return found
+        create(self, content)
 
-    monkeypatch.setattr(rows, "_joined", and_another_run)
+    monkeypatch.setattr(Url, "create", after_another_run)
     with PartedRowFile(file) as out:
         out.append(ROWS[0])
+    assert interrupted
     assert {row["case"] for row in read_rows(file)} == {"0", "1"}
 
 

@@ -192,6 +192,17 @@ def load_record(folder: Path) -> RunRecord:
     )
 
 
+def flattened(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten a nested table to dotted names; lists become JSON."""
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        if isinstance(value, dict):
+            flat |= flattened(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = json.dumps(value) if isinstance(value, list) else value
+    return flat
+
+
 def _read_benchmark(name: str, files: Sequence[Path]) -> Benchmark:
     results: dict[tuple[str, ...], Result] = {}
     skipped = 0

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from nearfar.bench.evaluate import LOOSE_EPIPOLAR_PX, LOOSE_SHARE, STRICT_DEGREES, STRICT_PX
 from nearfar.bench.report.charts import Chart
 from nearfar.bench.report.gallery import Card, Gallery
 from nearfar.bench.report.plots import charts_of
-from nearfar.bench.results import Benchmark, Result, RunRecord
+from nearfar.bench.results import Benchmark, Result, RunRecord, flattened
 from nearfar.bench.summary import (
     DASH,
     Summary,
@@ -105,11 +104,11 @@ def settings_view(record: RunRecord, methods: Mapping[str, str]) -> SettingsView
         record: record of the run.
         methods: names of the methods by the hash of their settings.
     """
-    tables = {key: _flat(table) for key, table in record.settings.items()}
+    tables = {key: flattened(table) for key, table in record.settings.items()}
     names = dict.fromkeys(name for table in tables.values() for name in table)
     lines = []
     for name in names:
-        values = tuple(table.get(name, DASH) for table in tables.values())
+        values = tuple(str(table.get(name, DASH)) for table in tables.values())
         lines.append(SettingLine(name, values, len(set(values)) > 1))
     return SettingsView(tuple((methods.get(key, ""), key) for key in tables), tuple(lines))
 
@@ -203,14 +202,3 @@ def _limits(benchmark: Benchmark) -> str:
             f"{STRICT_PX:g} px (strict) or {LOOSE_EPIPOLAR_PX:g} px (loose)."
         )
     return " ".join(parts)
-
-
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Flatten a nested table to dotted names and values as text."""
-    flat: dict[str, str] = {}
-    for name, value in table.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{name}.")
-        else:
-            flat[f"{prefix}{name}"] = str(value)
-    return flat
