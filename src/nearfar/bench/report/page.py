@@ -56,7 +56,7 @@ def _licences(results: Sequence[Result]) -> dict[str, str]:
 
 
 def _series(benchmarks: Sequence[Benchmark]) -> dict[str, int]:
-    """Number the methods of all benchmarks, so that each has one colour on the page."""
+    """Give each method a number, so that it has one colour on the page."""
     names = dict.fromkeys(name for benchmark in benchmarks for name in by_method(benchmark.results))
     return {name: number for number, name in enumerate(names)}
 

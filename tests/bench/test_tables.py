@@ -1,12 +1,13 @@
-"""Tables of the experiments, against values worked out by hand."""
+"""Tables and plots of the experiments, against values worked out by hand."""
 
 import numpy as np
 import pytest
 
+from nearfar.bench.figures import kitti_plots
 from nearfar.bench.results import Result
 from nearfar.bench.studies.kitti import fit_table, step_table
 from nearfar.bench.summary import DASH, log_fit
-from nearfar.bench.tables import table_three, table_two
+from nearfar.bench.tables import risk_table, table_three, table_two
 from nearfar.geometry.errors import PAPER_FAILURE_STE
 
 
@@ -81,3 +82,57 @@ def test_table_three() -> None:
     line = next(line for line in table.splitlines() if line.startswith("| sift"))
     assert line == f"| sift | 3 | {mean:.3f} | {mean + np.log(2):.3f} | 1 | 1.00 px |"
     assert "| SIFT (paper) | 31 |" in table
+
+
+def row(exponent: float | None, right: bool, status: str = "localized") -> Result:
+    row = {
+        "case": "a",
+        "method": "sift",
+        "descriptor": None,
+        "status": status,
+        "log10_nfa": exponent,
+        "strict": right,
+    }
+    return Result.from_dict(row)
+
+
+def test_risk_falls_as_more_is_refused() -> None:
+    rows = [
+        row(-200, True),
+        row(-60, True),
+        row(-15, False),
+        row(-5, False),
+        row(None, False),
+        row(None, False, "failed"),
+    ]
+    cells = [line.split("|")[2].strip() for line in risk_table(rows).splitlines()[2:]]
+    assert cells == [
+        "0.60 at 0.83",
+        "0.50 at 0.67",
+        "0.33 at 0.50",
+        "0.00 at 0.33",
+        "0.00 at 0.33",
+        "0.00 at 0.17",
+    ]
+    assert "no answer at 0.00" in risk_table(rows[3:])
+
+
+def test_limits_above_that_of_the_runs_are_left_out() -> None:
+    """What such a run refused is a failure in its rows, whatever limit the table asks about."""
+    rows = [row(None, False, "failed")]
+    limits = [line.split("|")[1].strip() for line in risk_table(rows, 1e-20).splitlines()[2:]]
+    assert limits == ["1e-20", "1e-50", "1e-100"]
+
+
+def test_lengths_from_stereo_and_unit_lengths_are_not_mixed() -> None:
+    pose = {"case": "a", "method": "sift"}
+    with_stereo = Result.from_dict(pose | {"t_err_stereo": 0.05, "t_err_unit": 0.67})
+    without = Result.from_dict(pose | {"t_err_stereo": None, "t_err_unit": 0.8})
+    plot = kitti_plots([with_stereo, with_stereo])["translation_error"]
+    assert (plot.label, plot.value(with_stereo)) == ("t_err, length from stereo", 0.05)
+    plot = kitti_plots([with_stereo, without])["translation_error"]
+    assert (plot.label, plot.value(with_stereo), plot.value(without)) == (
+        "t_err, unit length",
+        0.67,
+        0.8,
+    )
