@@ -87,8 +87,7 @@ def resume(
     on. Apart from times, results do not depend on the number of workers.
 
     Args:
-        file: JSON Lines; it is made where missing. `run.json` beside it holds the settings, the
-            environment, and the metrics of each run.
+        file: JSON Lines; made where missing, with settings and metrics in `run.json` beside it.
         wanted: a task for each row.
         compute: returns the remaining columns of a row, `status` among them; a module's function.
         settings: all settings of the run, for `run.json`.
@@ -108,9 +107,8 @@ def resume(
     tasks = {_identity(task.start, identity): task for task in wanted}
     todo = {each: task for each, task in tasks.items() if not _is_done(rows.get(each), task)}
     meter.skipped = len(wanted) - len(todo)
-    _say_what_is_reused(
-        file, meter.skipped, len(todo), [rows[each] for each in todo if each in rows]
-    )
+    before = [rows[each] for each in todo if each in rows]
+    _say_what_is_reused(file, meter.skipped, len(todo), before)
     groups = itertools.groupby(todo.values(), lambda task: task.case.name if case_at_once else task)
     batches = [tuple(own) for _, own in groups]
     with row_file(file) as out, shown_progress("pairs") as show:
