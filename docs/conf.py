@@ -39,7 +39,7 @@ nitpick_ignore_regex = [
     # In backticks in docstrings, but no names of the reference that the context would resolve.
     (
         "py:obj",
-        r"adaptive|localization\.json|nearfar\.exports\.hloc_files|StorageError",
+        r"RelativePose|Keypoints\.of|adaptive|localization\.json|nearfar\.exports\.hloc_files|StorageError",
     ),
     # Type variables, and what only benchmarks make.
     ("py:class", r"nearfar\.methods\.Features|nearfar\.registry\.T|FeatureStore"),
@@ -71,9 +71,13 @@ def short_signature(
 def whole_sentence(
     _app: Sphinx, what: str, _name: str, _documented: object, _options: object, lines: list[str]
 ) -> None:
-    """Keep napoleon from taking what stands before a colon as the type of an attribute."""
+    """Keep napoleon from taking what stands before a colon as the type of what is described."""
     if what in ("attribute", "data", "property") and lines:
         lines[0] = f": {lines[0]}"
+    for at, line in enumerate(lines[:-1], 1):
+        if line.strip() == "Returns:":
+            text = lines[at].lstrip()
+            lines[at] = f"{lines[at][: -len(text)]}: {text}"
 
 
 def short_types(
