@@ -20,6 +20,7 @@ from PIL.ImageFile import ImageFile
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import scaling
+from nearfar.imaging.orientation import orientation_of, oriented
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
 TRANSPARENT_GREY = 128
@@ -193,13 +194,31 @@ def _decode(path: Path, max_pixels: int) -> NDArray[Any]:
             deep = _is_deep_colour(opened)
             opened.load()
             stored = _decode_deep_colour(path) if deep else _channels(path, opened)
-            return _oriented(stored, _orientation(opened))
+            return oriented(stored, orientation_of(opened))
     except UnidentifiedImageError:
         raise ImageError(
             f"{path} is not an image that can be read ({', '.join(FORMATS)})"
         ) from None
     except ImageError:
         raise
+    except Exception as error:  # Damaged files make decoders raise whatever they like.
+        raise ImageError(f"{path} cannot be read: {error}") from error
+
+
+def read_orientation(file: Path) -> int:
+    """Return the EXIF orientation of an image file, 1..8; 1 is upright.
+
+    Raises:
+        ImageError: the file cannot be read.
+    """
+    path = _regular_file(file)
+    try:
+        with (
+            quiet_pillow(),
+            path.open("rb") as content,
+            PillowImage.open(content, formats=FORMATS) as opened,
+        ):
+            return orientation_of(opened)
     except Exception as error:  # Damaged files make decoders raise whatever they like.
         raise ImageError(f"{path} cannot be read: {error}") from error
 
@@ -212,14 +231,6 @@ def _channels(path: Path, opened: ImageFile) -> NDArray[Any]:
         raise ImageError(f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel")
     mode = _eight_bit_mode(opened)
     return np.asarray(opened if opened.mode == mode else opened.convert(mode))
-
-
-def _orientation(image: ImageFile) -> int:
-    """Return the EXIF orientation; 1, upright, without one or where the EXIF data are damaged."""
-    try:
-        return int(image.getexif().get(0x0112, 1))
-    except Exception:
-        return 1
 
 
 def _eight_bit_mode(image: PillowImage.Image) -> str:
@@ -242,17 +253,6 @@ def _decode_deep_colour(path: Path) -> NDArray[Any]:
     if array is None:
         raise ImageError(f"{path} cannot be read: its 16-bit colour is of an unknown kind")
     return np.asarray(array[..., [2, 1, 0, 3][: array.shape[2]]])
-
-
-def _oriented(array: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Apply an EXIF orientation (1..8) to (height, width) or (height, width, channels)."""
-    if orientation in (5, 6, 7, 8):
-        array = array.swapaxes(0, 1)
-    if orientation in (2, 3, 6, 7):
-        array = array[:, ::-1]
-    if orientation in (3, 4, 7, 8):
-        array = array[::-1]
-    return array
 
 
 _PILLOW = threading.RLock()

@@ -179,10 +179,11 @@ class Map:
             ids = {image.name: image.id for image in self.images}
             usable = {image.name: image for image in self.images if image.usable}
             given = []
-            for name in (name_of(file, self.folder) for file in files):
+            for file in files:
+                name = name_of(file, self.folder)
                 image = usable.get(name)
                 size = (0, 0) if image is None else (image.width, image.height)
-                given.append(GivenImage(name, *size))
+                given.append(GivenImage(name, *size, file))
             poses = source.posed(given)
             for name, posed in poses.items():
                 if name not in usable or not isinstance(posed, PosedImage) or not posed.valid:

@@ -5,12 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from nearfar import MapError, open_map
+from nearfar import MapError, open_map, read_image
 from nearfar.cli import main
 from nearfar.maps.sources import GivenImage
 from nearfar.maps.sources.colmap import ColmapModel
 from nearfar.maps.world.places import QueryPose
+from nearfar.maps.world.pose_store import PoseStore
+from tests.imaging.test_orientation import saved
 from tests.maps.conftest import write
 from tests.maps.world.conftest import Tour
 from tests.maps.world.model_files import write_model
@@ -46,6 +49,56 @@ def test_poses_are_those_of_the_room(tour: Tour, model: Path) -> None:
     assert distance < 1e-6
     assert len(posed.points) > 100
     assert posed.errors(posed.points, posed.observed).max() < 1e-3
+
+
+@pytest.mark.parametrize(("orientation", "degrees"), [(3, 180), (6, 90), (8, -90)])
+def test_an_image_that_exif_turns_has_the_pose_of_the_displayed_pixels(
+    tour: Tour, model: Path, tmp_path: Path, orientation: int, degrees: float
+) -> None:
+    """COLMAP reads pixels as they are stored, without their EXIF orientation."""
+    file = saved(tmp_path / "images" / "000002.png", tour.pixels[2], orientation)
+    width, height = SIZE if orientation == 3 else SIZE[::-1]
+    given = GivenImage("images/000002.png", width, height, file)
+    posed = ColmapModel(model).posed([given])[given.name]
+    pose = tour.poses[2]
+    clockwise = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+    angle, distance = Pose(pose.rotation @ clockwise.T, pose.centre).errors(
+        posed.rotation, posed.centre
+    )
+    assert angle < 1e-6
+    assert distance < 1e-6
+    assert posed.errors(posed.points, posed.observed).max() < 1e-3
+    # The known points have the colours that the displayed image shows there.
+    x, y = np.rint(posed.observed).astype(int).T
+    was = ColmapModel(model).posed([image(given.name)])[given.name].observed
+    before_x, before_y = np.rint(was).astype(int).T
+    np.testing.assert_array_equal(read_image(file).pixels[y, x], tour.pixels[2][before_y, before_x])
+
+
+def test_a_turned_image_of_a_map(tour: Tour, model: Path, tmp_path: Path) -> None:
+    file = saved(tmp_path / "images" / "000002.png", tour.pixels[2], 3)
+    map_ = open_map(tmp_path / "map", create=True)
+    map_.add([file])
+    assert map_.attach(ColmapModel(model), [file]) == 1
+    (posed,) = PoseStore(map_.folder).get([map_.images[0].id]).values()
+    turned = tour.poses[2].rotation @ np.diag([-1.0, -1, 1])
+    np.testing.assert_allclose(posed.rotation, turned, atol=1e-6)
+
+
+def test_turned_images_that_do_not_fit_say_why(tour: Tour, model: Path, tmp_path: Path) -> None:
+    known = ColmapModel(model)
+    name = "images/000002.png"
+    mirrored = saved(tmp_path / "mirrored.png", tour.pixels[2], 4)
+    with pytest.raises(MapError, match="mirrored"):
+        known.posed([GivenImage(name, *SIZE, mirrored)])
+    with pytest.raises(MapError, match="orientation of images/000002.png is not known"):
+        known.posed([GivenImage(name, *SIZE, tmp_path / "missing.png")])
+    # The model has the displayed size: COLMAP was given images that had been saved upright.
+    upright = saved(
+        tmp_path / "upright.png", np.ascontiguousarray(tour.pixels[2][::-1].swapaxes(0, 1)), 6
+    )
+    posed = known.posed([GivenImage(name, *SIZE, upright)])[name]
+    assert posed.camera == CAMERA
 
 
 def test_a_close_up_is_posed(

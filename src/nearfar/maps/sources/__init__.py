@@ -16,6 +16,7 @@ from nearfar.geometry.intrinsics import CameraIntrinsics, CameraSource, read_cam
 from nearfar.maps.world.scene import PosedImage
 from nearfar.registry import Registry
 from nearfar.settings import Settings
+from nearfar.storage.locations import Location
 
 
 @dataclass(frozen=True)
@@ -26,11 +27,13 @@ class GivenImage:
         name: path of its file relative to the folder that holds the map, with slashes.
         width: as displayed, in pixels; 0 where the map has no usable image of this name.
         height: as displayed, in pixels; 0 where the map has no usable image of this name.
+        file: file of the image; None where it is not known.
     """
 
     name: str
     width: int
     height: int
+    file: Location | None = None
 
     @property
     def usable(self) -> bool:

@@ -7,8 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from nearfar.errors import IntrinsicsError, MapError
+from nearfar.arrays import Matrix3
+from nearfar.errors import ImageError, IntrinsicsError, MapError
+from nearfar.geometry.homography import transform
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.imaging.image import read_orientation
+from nearfar.imaging.orientation import MIRRORED, TRANSPOSED, UPRIGHT, displayed_from_stored
+from nearfar.maps.images import copied
 from nearfar.maps.sources import MAP_SOURCES, GivenImage, MapSource
 from nearfar.maps.world.scene import PosedImage
 from nearfar.runtime import require
@@ -54,7 +59,9 @@ class ColmapModel:
         An image of the model is the map image whose path ends with the model's name for it.
 
         Raises:
-            MapError: no image is in the model, a name fits several, or a size differs.
+            MapError: no image is in the model, a name fits several, a size differs, or an EXIF
+                orientation mirrors an image or cannot be read.
+            StorageError: object storage does not answer.
         """
         of_name: dict[str, GivenImage] = {}
         for image in images:
@@ -81,23 +88,57 @@ class ColmapModel:
         return next((end for end in ends if end in self._posed), None)
 
     def _pose(self, posed: Any, image: GivenImage) -> PosedImage:
+        """Return camera and pose of an image as displayed."""
         camera = self._model.cameras[posed.camera_id]
-        if (camera.width, camera.height) != (image.width, image.height):
-            raise MapError(
-                f"{image.name} has {image.width}x{image.height} pixels, in the COLMAP model "
-                f"{self.path} {camera.width}x{camera.height}: use the images of the model"
-            )
+        displayed_from_model = self._displayed_from_model(camera, image)
+        rotation = np.eye(3)
+        rotation[:2, :2] = displayed_from_model[:2, :2]
+        matrix = displayed_from_model @ self._pinhole(camera).matrix @ rotation.T
         world_from_camera = posed.cam_from_world().inverse().matrix()
         seen = posed.get_observation_points2D()
         observed = np.array([each.xy for each in seen], np.float64).reshape(-1, 2)
         points = [self._model.points3D[each.point3D_id].xyz for each in seen]
         return PosedImage(
-            self._pinhole(camera),
-            world_from_camera[:, :3],
+            CameraIntrinsics(*map(float, matrix[[0, 1, 0, 1], [0, 1, 2, 2]])),
+            world_from_camera[:, :3] @ rotation.T,
             world_from_camera[:, 3],
-            observed - COLMAP_PIXEL_CENTRE,
+            transform(displayed_from_model, observed - COLMAP_PIXEL_CENTRE),
             np.array(points, np.float64).reshape(-1, 3),
         )
+
+    def _displayed_from_model(self, camera: Any, image: GivenImage) -> Matrix3:
+        """Return the transform of pixels of the model to displayed pixels of an image.
+
+        COLMAP reads pixels as they are stored. Where only the displayed image has the size of the
+        model's, the model was made of an image that had been saved upright.
+        """
+        size, displayed = (camera.width, camera.height), (image.width, image.height)
+        orientation = self._orientation(image) if size in (displayed, displayed[::-1]) else UPRIGHT
+        stored = displayed[::-1] if orientation in TRANSPOSED else displayed
+        if size == stored:
+            if orientation in MIRRORED:
+                raise MapError(
+                    f"{image.name} is displayed mirrored, by its EXIF orientation, so no pose of "
+                    f"the COLMAP model {self.path} fits: save it upright, and make the model again"
+                )
+            return displayed_from_stored(orientation, *displayed)
+        if size == displayed:
+            return np.eye(3)
+        raise MapError(
+            f"{image.name} has {image.width}x{image.height} pixels, in the COLMAP model "
+            f"{self.path} {camera.width}x{camera.height}: use the images of the model"
+        )
+
+    def _orientation(self, image: GivenImage) -> int:
+        if image.file is None:
+            return UPRIGHT
+        try:
+            return read_orientation(copied(image.file))
+        except ImageError as error:
+            raise MapError(
+                f"the EXIF orientation of {image.name} is not known, so that the COLMAP model "
+                f"{self.path} may not fit it: {error}"
+            ) from error
 
     def _pinhole(self, camera: Any) -> CameraIntrinsics:
         """Return the intrinsics without distortion, for pixels whose centres are at integers."""
