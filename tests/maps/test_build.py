@@ -13,7 +13,9 @@ from nearfar import MapError, SettingsError, open_map
 from nearfar.arrays import RGBPixels
 from nearfar.maps import manifest
 from nearfar.maps.database import connect
+from nearfar.maps.images import ImageFiles
 from nearfar.maps.store import MapStore
+from nearfar.storage.locations import Location
 from tests.conftest import KnownPair
 from tests.maps.conftest import content, write
 
@@ -78,6 +80,33 @@ def test_a_name_that_is_no_text_is_left_out(photos: Path) -> None:
     assert (added.added, added.unchanged) == (1, 0)
     assert added.failed == (("photos/\udcff.png", "its name is not UTF-8: rename it"),)
     assert [image.name for image in map_.images] == ["photos/page.png"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no named pipes")
+def test_what_is_no_regular_file_is_passed_over_with_a_word(
+    photos: Path, small_close_up: KnownPair
+) -> None:
+    """Reading a named pipe would wait for a writer, for ever."""
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "astronaut.png"])
+    (photos / "astronaut.png").unlink()
+    os.mkfifo(photos / "astronaut.png")
+    os.mkfifo(photos / "pipe.jpg")
+
+    class Own:
+        def files(self) -> list[Location]:
+            return [photos / "pipe.jpg", photos / "coins.png"]
+
+    chosen: list[ImageFiles] = [[photos / "astronaut.png", Own()], photos / "*p*.*g"]
+    for images in (*chosen, photos / "pipe.jpg"):
+        added = map_.add(images)
+        assert ("photos/pipe.jpg", "it is not a regular file") in added.failed
+        assert all(reason == "it is not a regular file" for _, reason in added.failed)
+    assert {each.name for each in map_.images if not each.usable} == set()
+    assert "photos/pipe.jpg" not in {each.name for each in map_.images}
+    assert "photos/astronaut.png" in {each.name for each in map_.images}
+    assert not map_.locate(small_close_up.near).located
+    assert map_.check(content=True)[0].image == "photos/astronaut.png"
 
 
 def test_files_that_vanish_or_change_are_told(

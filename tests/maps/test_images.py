@@ -18,7 +18,9 @@ from nearfar.maps.images import (
     ArrayImages,
     ImageSet,
     Photograph,
+    given_files,
     image_files,
+    is_irregular,
     levels,
 )
 from tests.maps.conftest import write
@@ -115,11 +117,17 @@ def test_files_and_folders(tmp_path: Path) -> None:
         image_files([tmp_path / "empty"])
 
 
-def test_a_named_pipe_in_a_folder_is_left_out(tmp_path: Path) -> None:
-    """Reading one waits for a writer, for ever."""
-    os.mkfifo(tmp_path / "pipe.jpg")
-    write(tmp_path / "a.png", np.zeros((8, 9, 3), np.uint8))
-    assert [Path(str(each)).name for each in image_files([tmp_path])] == ["a.png"]
+def test_what_is_no_regular_file_is_left_out(tmp_path: Path) -> None:
+    """Reading a named pipe waits for a writer, for ever."""
+    pipe = tmp_path / "pipe.jpg"
+    os.mkfifo(pipe)
+    file = write(tmp_path / "a.png", np.zeros((8, 9, 3), np.uint8))
+    for chosen in (tmp_path, tmp_path / "*.*", [pipe, file]):
+        assert image_files(chosen) == [file.resolve()]
+        assert set(given_files(chosen)) == {file.resolve(), pipe.resolve()}
+    assert is_irregular(pipe)
+    assert not is_irregular(file)
+    assert not is_irregular(tmp_path / "missing.png")
 
 
 def test_patterns_arrays_and_sets_of_ones_own(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.maps.files import content_hash, has_state, name_of, state_of
-from nearfar.maps.images import levels, open_image
+from nearfar.maps.images import is_irregular, levels, open_image
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import OK, Indexed, MapImage, packed_keypoints
@@ -35,7 +35,8 @@ class Added:
         added: images that are new.
         replaced: images whose content had changed, or that could not be read before.
         unchanged: images that were there already.
-        failed: name and reason of each image that could not be read, or whose name is not UTF-8.
+        failed: name and reason of each image that could not be read, whose name is not UTF-8, or
+            that is no regular file.
         metrics: time, workers and counts of the run.
     """
 
@@ -90,8 +91,12 @@ def add_images(
     meter = Meter()
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
-    nameless = [name for name in named if not is_text(name)]
-    for name in nameless:
+    left_out = {
+        name: reason
+        for name, reason in ((name, _unfit(name, file)) for name, file in named.items())
+        if reason is not None
+    }
+    for name in left_out:
         del named[name]
     tasks = []
     for name, file in named.items():
@@ -116,7 +121,7 @@ def add_images(
     usable_images = [image for image in described if image.usable]
     replaced = sum(image.name in known for image in usable_images)
     failed = [(each.name, each.status) for each in described if not each.usable]
-    failed += [(name, "its name is not UTF-8: rename it") for name in nameless]
+    failed += left_out.items()
     return Added(
         len(usable_images) - replaced,
         replaced,
@@ -124,6 +129,13 @@ def add_images(
         tuple(sorted(failed)),
         meter.metrics(),
     )
+
+
+def _unfit(name: str, file: Location) -> str | None:
+    """Return why a file is left out without being opened; None for one that may be an image."""
+    if not is_text(name):
+        return "its name is not UTF-8: rename it"
+    return "it is not a regular file" if is_irregular(file) else None
 
 
 class _Waiting:

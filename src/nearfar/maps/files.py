@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from nearfar.errors import ImageError
-from nearfar.maps.images import copied
+from nearfar.maps.images import copied, is_irregular
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
 from nearfar.maps.world.pose_store import PoseStore
@@ -71,8 +71,13 @@ def has_state(image: MapImage, state: FileState) -> bool:
 
 
 def content_hash(file: Location) -> str:
-    """Return the SHA-256 of a file; an empty string where it is missing or cannot be read."""
+    """Return the SHA-256 of a file; an empty string where it is missing or cannot be read.
+
+    What is no regular file, such as a named pipe, is not read.
+    """
     try:
+        if is_irregular(file):
+            return ""
         with copied(file).open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
     except (ImageError, OSError):

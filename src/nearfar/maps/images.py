@@ -153,14 +153,14 @@ class NamedImages:
 
     def files(self) -> list[Location]:
         """See `ImageSet.files`."""
-        if self.place.is_file():
-            return [self.place]
         if self.place.is_dir():
             return self._in_folder(self.place)
+        if self.place.exists():
+            return [self.place]
         if isinstance(self.place, Path) and glob.has_magic(str(self.place)):
             found = [Path(each) for each in glob.glob(str(self.place), recursive=True)]  # noqa: PTH207
             if found:
-                return sorted((each for each in found if each.is_file()), key=str)
+                return sorted((each for each in found if not each.is_dir()), key=str)
             raise MapError(f"no file fits the pattern {self.place}")
         raise MapError(f"{self.place} does not exist")
 
@@ -198,12 +198,17 @@ class ArrayImages:
 
 
 def image_files(images: ImageFiles) -> list[Location]:
-    """Return the files of images, without duplicates.
+    """Return the files of images, without duplicates and without what is no regular file.
 
     Raises:
         MapError: there is no such file, or no image in a folder.
         StorageError: object storage does not answer.
     """
+    return [file for file in given_files(images) if not is_irregular(file)]
+
+
+def given_files(images: ImageFiles) -> list[Location]:
+    """Return the files of images as `image_files` does, and what is no regular file as well."""
     found: dict[Location, None] = {}
     for each in [images] if isinstance(images, (str, PathLike, Url, ImageSet)) else images:
         chosen = each if isinstance(each, ImageSet) else NamedImages(location(each))
@@ -212,9 +217,20 @@ def image_files(images: ImageFiles) -> list[Location]:
     return list(found)
 
 
+def is_irregular(file: Location) -> bool:
+    """Whether there is something else than a regular file, such as a named pipe.
+
+    Such a file must not be opened: a pipe waits for a writer, and a device may have no end.
+    """
+    try:
+        return isinstance(file, Path) and file.exists() and not file.is_file()
+    except OSError:  # The folder cannot be searched; whoever opens the file says so.
+        return False
+
+
 def _below(folder: Path) -> Iterator[Path]:
-    """Return all files in a folder and in folders below, and links that lead nowhere."""
-    return (each for each in folder.rglob("*") if each.is_file() or not each.exists())
+    """Return all but the folders in a folder and in folders below; also links that lead nowhere."""
+    return (each for each in folder.rglob("*") if not each.is_dir())
 
 
 def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:

@@ -12,7 +12,7 @@ from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.creation import create
 from nearfar.maps.files import Problem, check_map, name_of
-from nearfar.maps.images import ImageFiles, image_files
+from nearfar.maps.images import ImageFiles, given_files, image_files
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
 from nearfar.maps.sources import GivenImage, ImagePoses
@@ -153,7 +153,7 @@ class Map:
         if jobs < 1:
             raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
-        files = image_files(images)
+        files = given_files(images)
         workers = Workers(jobs, scheduler)
         with self._changing():
             added = add_images(self._store, files, self.settings, workers, progress)
