@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import FileLock
@@ -70,6 +71,54 @@ def test_an_image_that_cannot_be_read_is_recorded(photos: Path, pictures: Pictur
     write(photos / "good.png", pictures("coins")).rename(broken)
     assert map_.add([photos / "coffee.png", broken]).replaced == 1
     assert all(each.usable for each in map_.images)
+
+
+@pytest.mark.parametrize("reads", [0, 1])
+def test_an_image_that_cannot_be_read_for_a_moment_is_kept(
+    photos: Path,
+    pictures: Pictures,
+    small_close_up: KnownPair,
+    monkeypatch: pytest.MonkeyPatch,
+    reads: int,
+) -> None:
+    """At once, or after it was read so many times."""
+    file = photos / "astronaut.png"
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([file])
+    before, shown = content(map_.folder), file.read_bytes()
+    if reads:
+        write(file, pictures("coins"))
+    opened, left = Path.open, [reads]
+
+    def refused(self: Path, *args: Any, **kwargs: Any) -> Any:
+        if self.name == file.name:
+            left[0] -= 1
+            if left[0] < 0:
+                raise PermissionError(13, "Permission denied", str(self))
+        return opened(self, *args, **kwargs)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", refused)
+        added = map_.add([photos / "coffee.png", file])
+    assert (added.added, added.replaced, added.unchanged) == (1, 0, 0)
+    ((name, reason),) = added.failed
+    assert name == "photos/astronaut.png"
+    assert "the file cannot be read" in reason
+    assert "Permission denied" in reason
+    assert added.metrics.failed == 1
+    assert content(map_.folder)[name] == before[name]
+    file.write_bytes(shown)
+    assert map_.locate(small_close_up.near).located
+    assert map_.add([file]).unchanged == 1
+
+
+def test_an_image_that_is_damaged_is_not_kept(photos: Path) -> None:
+    """Its file can be read, and is another one."""
+    map_ = open_map(photos.parent / "map", create=True)
+    map_.add([photos / "coffee.png"])
+    (photos / "coffee.png").write_bytes(b"no image")
+    assert [name for name, _ in map_.add([photos]).failed] == ["photos/coffee.png"]
+    assert not next(each for each in map_.images if each.name == "photos/coffee.png").usable
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")

@@ -47,7 +47,7 @@ def test_a_map_of_format_1(
     def read(_: Location) -> str:
         raise AssertionError
 
-    monkeypatch.setattr(build, "content_hash", read)
+    monkeypatch.setattr(build, "readable_hash", read)
     assert upgraded.add([photos / "coins.png"]).unchanged == 1
     assert content(old) == before
     assert content_hash(photos / "coins.png") == upgraded.images[0].sha256

@@ -10,7 +10,7 @@ import numpy as np
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
 from nearfar.imaging.tiles import Core, Tile
-from nearfar.maps.files import content_hash, has_state, name_of, state_of
+from nearfar.maps.files import content_hash, has_state, name_of, readable_hash, state_of
 from nearfar.maps.images import is_irregular, levels, open_image
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
 from nearfar.maps.store import MapStore
@@ -36,7 +36,7 @@ class Added:
         replaced: images whose content had changed, or that could not be read before.
         unchanged: images that were there already.
         failed: name and reason of each image that could not be read, whose name is not UTF-8, or
-            that is no regular file.
+            that is no regular file. What the map had of an unreadable file is kept.
         metrics: time, workers and counts of the run.
     """
 
@@ -109,18 +109,23 @@ def add_images(
     described: list[MapImage] = []
     same = 0
     waiting = _Waiting(store)
+    kept: list[_Kept] = []
     for found in workers.run_in_order(_indexed, tasks, _died, meter):
-        waiting.take(found)
+        if isinstance(found, _Kept):
+            kept.append(found)
+            meter.failed += 1
+        else:
+            waiting.take(found)
         if isinstance(found, Indexed):
             described.append(found.image)
             meter.failed += not found.image.usable
-        else:
-            same += 1
+        same += isinstance(found, MapImage)
         progress(meter.skipped + meter.done, len(named))
     waiting.commit()
     usable_images = [image for image in described if image.usable]
     replaced = sum(image.name in known for image in usable_images)
     failed = [(each.name, each.status) for each in described if not each.usable]
+    failed += [(each.name, each.reason) for each in kept]
     failed += left_out.items()
     return Added(
         len(usable_images) - replaced,
@@ -164,22 +169,40 @@ class _Waiting:
         self._entries, self._same, self._landmarks = [], [], 0
 
 
-def _indexed(task: _Task) -> Indexed | MapImage:
+@dataclass(frozen=True)
+class _Kept:
+    """An image of the map whose file could not be read this time; the map keeps what it has.
+
+    Attributes:
+        name: name of the image.
+        reason: why its file could not be read.
+    """
+
+    name: str
+    reason: str
+
+
+def _indexed(task: _Task) -> Indexed | MapImage | _Kept:
     """Describe an image; return only its row where the map has the image with the same content.
 
-    An image that cannot be described gets the reason as its status, so that it fails alone.
+    An image that cannot be described gets the reason as its status, so that it fails alone. Where
+    its file cannot even be read, the map keeps what it has of the image.
 
     Raises:
         NearfarError: something else than the image is at fault.
     """
     state = state_of(task.file)
-    sha256 = content_hash(task.file)
-    if task.known is not None and task.known.sha256 == sha256:
-        return replace(task.known, size=state.size, modified=state.modified)
+    sha256 = ""
     try:
+        sha256 = readable_hash(task.file)
+        if task.known is not None and task.known.sha256 == sha256:
+            return replace(task.known, size=state.size, modified=state.modified)
         found = _described(task, sha256)
     except ImageError as error:
-        return _failed(task, sha256, str(error).replace(str(task.file), "the file"))
+        reason = str(error).replace(str(task.file), "the file")
+        if task.known is not None and not (sha256 and content_hash(task.file)):
+            return _Kept(task.name, reason)
+        return _failed(task, sha256, reason)
     except NearfarError:
         raise
     except Exception as error:  # Libraries raise many kinds of errors for an image.

@@ -71,17 +71,30 @@ def has_state(image: MapImage, state: FileState) -> bool:
 
 
 def content_hash(file: Location) -> str:
-    """Return the SHA-256 of a file; an empty string where it is missing or cannot be read.
+    """Return the SHA-256 of a file; an empty string where it is missing or cannot be read."""
+    try:
+        return readable_hash(file)
+    except ImageError:
+        return ""
+
+
+def readable_hash(file: Location) -> str:
+    """Return the SHA-256 of a file.
 
     What is no regular file, such as a named pipe, is not read.
+
+    Raises:
+        ImageError: the file is missing or cannot be read.
     """
+    if is_irregular(file):
+        raise ImageError(f"{file} is not a regular file")
     try:
-        if is_irregular(file):
-            return ""
         with copied(file).open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
-    except (ImageError, OSError):
-        return ""
+    except FileNotFoundError:
+        raise ImageError(f"{file} does not exist") from None
+    except OSError as error:
+        raise ImageError(f"{file} cannot be read: {error.strerror or error}") from error
 
 
 @dataclass(frozen=True)
