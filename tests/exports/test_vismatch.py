@@ -45,6 +45,36 @@ def test_all_forms_of_images(known_files: tuple[Path, Path], known_pair: KnownPa
         np.testing.assert_array_equal(result["matched_kpts0"], results[0]["matched_kpts0"])
 
 
+@pytest.mark.parametrize("mode", ["I;16", "I;16B", "I"])
+def test_grey_values_of_16_bits(known_pair: KnownPair, mode: str) -> None:
+    """Pillow cuts them at 255 where it converts them to RGB, which leaves white."""
+    images = []
+    for pixels in (known_pair.near, known_pair.far):
+        deep = pixels[..., 1].astype(np.uint16) * 257
+        if mode == "I;16B":
+            size = deep.shape[1], deep.shape[0]
+            images.append(PillowImage.frombytes(mode, size, deep.astype(">u2").tobytes()))
+        else:
+            images.append(PillowImage.fromarray(deep if mode == "I;16" else deep.astype(np.int32)))
+        assert images[-1].mode == mode
+    result = NearfarMatcher(method="sift")(*images)
+    assert_keeps_the_contract(result)
+    assert result["H"] is not None
+    assert known_pair.error(result["H"]) < 1
+
+
+def test_pil_images_of_32_bits_are_refused() -> None:
+    matcher = NearfarMatcher(method="sift")
+    for values in (
+        np.full((60, 80), 70_000, np.int32),
+        np.full((60, 80), -1, np.int32),
+        np.zeros((60, 80), np.float32),
+    ):
+        image = PillowImage.fromarray(values)
+        with pytest.raises(ImageError, match="a matcher's image has pixels of 32 bits"):
+            matcher(image, image)
+
+
 def test_tensors(known_pair: KnownPair) -> None:
     torch = pytest.importorskip("torch")
     images = [

@@ -12,7 +12,7 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.errors import ImageError
-from nearfar.imaging.image import ImageSource
+from nearfar.imaging.image import ImageSource, pillow_pixels
 from nearfar.localizer import Localizer
 
 
@@ -56,15 +56,16 @@ class NearfarMatcher:
         """Match two images.
 
         Args:
-            img0: near image: a path, a PIL image, or an array or tensor (3, height, width) of
-                values from 0 to 1.
+            img0: near image: a path, a PIL image of 8 bits a channel or of 16 bits grey, or an
+                array or tensor (3, height, width) of values from 0 to 1.
             img1: far image.
 
         Returns:
             The matches; `H` is None and there are no inliers if nearfar finds no homography.
 
         Raises:
-            ImageError: an image cannot be read, or its array has another shape or type.
+            ImageError: an image cannot be read, its array has another shape or type, or a PIL
+                image has values of more than 16 bits.
         """
         found = self._localizer.localize(_source(img1), _source(img0), model="homography")
         points, nothing = found.points, np.empty((0, 2))
@@ -87,7 +88,7 @@ def _source(image: Any) -> ImageSource:
     if isinstance(image, str | os.PathLike):
         return image
     if isinstance(image, PillowImage.Image):
-        return np.asarray(image.convert("RGB"))
+        return pillow_pixels(image, "a matcher's image")
     on_cpu = image.detach().cpu() if hasattr(image, "detach") else image
     return _pixels(np.asarray(on_cpu))
 

@@ -223,14 +223,36 @@ def read_orientation(file: Path) -> int:
         raise ImageError(f"{path} cannot be read: {error}") from error
 
 
+def pillow_pixels(image: PillowImage.Image, name: str) -> NDArray[Any]:
+    """Return the pixels of a Pillow image as `read_image` takes them, without an EXIF rotation.
+
+    Args:
+        image: the image.
+        name: what an error calls the image.
+
+    Returns:
+        (height, width) or (height, width, 3 or 4), uint8, or uint16 for grey values of 16 bits.
+
+    Raises:
+        ImageError: the values need more than 16 bits, are negative or have fractions.
+    """
+    if image.mode.startswith("I;16"):
+        return np.asarray(image).astype(np.uint16)
+    if image.mode == "I":
+        values = np.asarray(image)
+        if values.size == 0 or (values.min() >= 0 and values.max() <= np.iinfo(np.uint16).max):
+            return values.astype(np.uint16)
+    if image.mode in ("I", "F"):
+        raise ImageError(f"{name} has pixels of 32 bits; convert it to 8 or 16 bits a channel")
+    mode = _eight_bit_mode(image)
+    return np.asarray(image if image.mode == mode else image.convert(mode))
+
+
 def _channels(path: Path, opened: ImageFile) -> NDArray[Any]:
     """Return (height, width) or (height, width, channels) as stored."""
-    if opened.mode.startswith("I;16") or (opened.mode, opened.format) == ("I", "PPM"):
-        return np.asarray(opened).astype(np.uint16)
-    if opened.mode in ("I", "F"):
+    if opened.mode == "I" and opened.format != "PPM":
         raise ImageError(f"{path} has pixels of 32 bits; convert it to 8 or 16 bits a channel")
-    mode = _eight_bit_mode(opened)
-    return np.asarray(opened if opened.mode == mode else opened.convert(mode))
+    return pillow_pixels(opened, str(path))
 
 
 def _eight_bit_mode(image: PillowImage.Image) -> str:
