@@ -1,5 +1,6 @@
 """hloc's files, read as hloc reads them."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,21 @@ def test_names_that_hlocs_lists_cannot_hold_are_refused(
     with pytest.raises(ExportError, match="white space"):
         nearfar.export(found, "hloc", tmp_path / "hloc", far="far 1.png", near="near.png")
     assert not (tmp_path / "hloc").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are text elsewhere")
+def test_names_that_are_not_utf8_are_refused(
+    found: Localization, images: tuple[Path, Path], tmp_path: Path
+) -> None:
+    assert found.near.path == images[1]
+    path = images[1].rename(images[1].with_name("\udcff.png"))
+    odd = replace(found, near=replace(found.near, path=path))
+    for name in ("hloc", "colmap"):
+        pytest.importorskip("pycolmap" if name == "colmap" else "h5py")
+        with pytest.raises(ExportError, match=r"'\\udcff.png', a name that is not UTF-8"):
+            nearfar.export(odd, name, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+        nearfar.export(odd, name, tmp_path / f"{name} \udcff", far="far.png", near="near.png")
 
 
 def test_a_list_that_is_no_list_of_pairs(tmp_path: Path) -> None:

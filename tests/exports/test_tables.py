@@ -94,6 +94,16 @@ def test_geojson_in_pixels(found: Localization, tmp_path: Path) -> None:
     assert properties["scale_change"] == 2.5
 
 
+def test_names_that_are_not_utf8(found: Localization, tmp_path: Path) -> None:
+    """Some systems allow any bytes in the names of files."""
+    odd = replace(found, near=replace(found.near, path=Path("near \udcff.png")))
+    written = nearfar.export(odd, "geojson", tmp_path / "footprint.geojson", far="far \ud800")
+    (feature,) = json.loads(written[0].read_text(encoding="utf-8"))["features"]
+    assert feature["properties"]["near"] == "near \ufffd.png"
+    assert feature["properties"]["far"] == "far \ufffd"
+    nearfar.export(odd, "csv", tmp_path / "matches.csv")
+
+
 def test_geojson_on_the_earth(found: Localization, tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio")
     from rasterio.warp import transform as between_systems

@@ -14,6 +14,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.image import FORMATS, ImagePair, quiet_pillow
 from nearfar.localization import Localization, PointMatches, read_images
+from nearfar.storage.locations import is_text
 
 KeypointArray = NDArray[np.float32]
 """(N, 2), x and y in pixels, each point once; (0, 0) is the centre of the top left pixel."""
@@ -132,8 +133,8 @@ class Subject:
         """Names for tools that open the image files themselves and ignore their EXIF rotation.
 
         Raises:
-            ExportError: an image has no path and no name, both have the same, or one is displayed
-                otherwise than it is stored.
+            ExportError: an image has no path and no name, both have the same, a name is not UTF-8,
+                or an image is displayed otherwise than it is stored.
         """
         paths = [self.localization.far.path, self.localization.near.path]
         for path in paths:
@@ -144,6 +145,12 @@ class Subject:
         else:
             far, near = _relative(paths)
             names = ImageNames(self.far or far, self.near or near)
+        for name in (names.far, names.near):
+            if not is_text(name):
+                raise ExportError(
+                    f"COLMAP and hloc cannot hold {name!r}, a name that is not UTF-8: rename the "
+                    f"file, or give far= and near= to nearfar.export"
+                )
         if names.far == names.near:
             raise ExportError(
                 f"both images are called {names.far}: give them different names (far=, near=)"

@@ -17,7 +17,7 @@ from nearfar.imaging.image import ImageInfo
 from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
 from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
-from nearfar.storage.locations import replaced
+from nearfar.storage.locations import as_text, replaced
 
 
 @EXPORTERS.register("csv")
@@ -132,7 +132,9 @@ class GeoJsonExporter(Exporter):
 
 
 def _name(given: str | None, image: ImageInfo) -> str | None:
-    return given if given is not None or image.path is None else str(image.path)
+    if given is None and image.path is None:
+        return None
+    return as_text(str(image.path) if given is None else given)
 
 
 def _outline(found: Localization) -> Coordinates:

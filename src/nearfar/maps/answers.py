@@ -16,7 +16,7 @@ from nearfar.render import save
 from nearfar.render.alignment import footprint_page
 from nearfar.render.matches import point_matches
 from nearfar.render.page import Caption, Entry
-from nearfar.storage.locations import Location, replaced
+from nearfar.storage.locations import Location, as_text, replaced
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class MapLocalization:
             if seen is None:
                 continue
             properties = {
-                "query": None if self.query is None else str(self.query),
+                "query": None if self.query is None else as_text(str(self.query)),
                 "image": answer.image,
                 "rank": rank,
                 "confidence": answer.confidence,

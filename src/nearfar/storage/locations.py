@@ -272,6 +272,11 @@ def is_text(name: str) -> bool:
     return True
 
 
+def as_text(name: str) -> str:
+    """Return a file name with replacement characters for bytes that are not UTF-8."""
+    return name.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
 @contextmanager
 def replaced(file: Path) -> Iterator[Path]:
     """Yield a temporary path; at the end it replaces the file as a whole.
