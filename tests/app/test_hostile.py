@@ -1,5 +1,6 @@
 """Hostile requests against a real server: each is refused, and the server goes on answering."""
 
+import asyncio
 import io
 import json
 import os
@@ -19,7 +20,10 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 from PIL import Image
+from starlette.responses import JSONResponse
 
+from nearfar.app.configuration import AppConfiguration
+from nearfar.app.guard import Guard
 from tests.app.conftest import MEGABYTES, Reply, Server
 
 MEGABYTE = 1_000_000
@@ -318,3 +322,51 @@ def test_other_machines_need_the_token(served: Path, tmp_path: Path) -> None:
         assert server.ask("GET", "/api/jobs", None, wrong).status == 401
     finally:
         server.stop()
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        "{0}",
+        'other={{"a": [1, 2]}}; {0}',
+        "other=a b@c; {0}",
+        "; =; a/b[]=\u00fc; {0}; {{}}",
+        "nearfar-token=of-another-version; {0}",
+        "nearfar-token-{1}=of-another-path; {0}",
+        "{0}; nearfar-token-{1}=of-another-path",
+        "nearfar-token-1=of-another-port; {0}",
+    ],
+)
+@pytest.mark.parametrize("token", ["secret-secret", 'a "secret"; with=%20 \\, all'])
+def test_cookies_of_other_programs_lock_nobody_out(tmp_path: Path, others: str, token: str) -> None:
+    """Browsers send the cookies of all ports of a host to each."""
+    configuration = AppConfiguration((), tmp_path, host="0.0.0.0", token=token)  # noqa: S104
+
+    async def inner(scope: Any, receive: Any, send: Any) -> None:
+        await JSONResponse({})(scope, receive, send)
+
+    def ask(path: str, cookie: str) -> tuple[int, str]:
+        headers = [(b"host", b"here:8000"), (b"cookie", cookie.encode("latin-1"))]
+        name, _, query = path.partition("?")
+        scope = {
+            "type": "http", "method": "GET", "path": name, "query_string": query.encode(),
+            "headers": headers, "server": ("127.0.0.1", 8000),
+        }  # fmt: skip
+        sent: list[Any] = []
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        async def receive() -> Any:
+            return {"type": "http.request", "body": b""}
+
+        asyncio.run(Guard(inner, configuration)(scope, receive, send))
+        said = dict(sent[0]["headers"])
+        return sent[0]["status"], said.get(b"set-cookie", b"").decode()
+
+    status, cookie = ask(f"/?token={quote(token, safe='')}", "")
+    assert status == 303
+    own = cookie.split(";")[0]
+    assert ask("/api/jobs", others.format(own, 8000))[0] == 200
+    assert ask("/api/jobs", others.format("a=b", 8000))[0] == 401
+    assert ask("/api/jobs", others.format(f"{own}x", 8000))[0] == 401

@@ -1,8 +1,7 @@
 """Checks of every request, before any other part of the app sees it."""
 
 import secrets
-from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from fastapi import HTTPException
 from starlette.datastructures import Headers, MutableHeaders
@@ -12,6 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from nearfar.app.configuration import AppConfiguration, is_loopback
 
 COOKIE = "nearfar-token"
+"""Start of the name of the cookie with the token; the port of this server follows."""
 UPLOADS = "/api/images"
 """Path to which images are sent, which may be large."""
 
@@ -87,12 +87,13 @@ class Guard:
     def _entrance(self, scope: Scope, headers: Headers) -> Response | None:
         """Return None for a request with the token, else a refusal or the cookie with the token."""
         token = self._configuration.token
-        if token is None or any(_equal(given, token) for given in _given(headers)):
+        cookie = _cookie(scope)
+        if token is None or any(_equal(given, token) for given in _given(headers, cookie)):
             return None
         asked = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if scope["path"] == "/" and _equal(asked, token):
             response = RedirectResponse("/", 303)
-            response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+            response.set_cookie(cookie, quote(token, safe=""), httponly=True, samesite="strict")
             return response
         return _refused(401, "open the address that nearfar app has printed, with its token")
 
@@ -129,17 +130,31 @@ def _same_origin(headers: Headers, path: str) -> bool:
     return site in ("same-origin", "none") or not path.startswith("/api/")
 
 
-def _given(headers: Headers) -> list[str]:
-    """Return the tokens that a request brings."""
+def _cookie(scope: Scope) -> str:
+    """Return the name of the cookie with the token.
+
+    Browsers send the cookies of all ports of a host to each, so that two servers of one host would
+    replace each other's cookie if it had one name.
+    """
+    server = scope.get("server")
+    return COOKIE if server is None or server[1] is None else f"{COOKIE}-{server[1]}"
+
+
+def _given(headers: Headers, cookie: str) -> list[str]:
+    """Return the tokens that a request brings.
+
+    Other programs of this host may have set cookies of any form and of the same name. So a cookie
+    that cannot be read hides no other one, and each one of the name counts.
+    """
     given = []
     scheme, _, value = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         given.append(value.strip())
-    try:
-        cookies = SimpleCookie(headers.get("cookie", ""))
-    except CookieError:
-        return given
-    return given + ([cookies[COOKIE].value] if COOKIE in cookies else [])
+    for pair in ";".join(headers.getlist("cookie")).split(";"):
+        name, _, value = pair.partition("=")
+        if name.strip() == cookie:
+            given.append(unquote(value.strip()))
+    return given
 
 
 def _equal(given: str, token: str) -> bool:
