@@ -1,6 +1,7 @@
 """Jobs on disk, which outlive a reload of the page and a restart of the server."""
 
 import json
+import logging
 import re
 import secrets
 import shutil
@@ -14,6 +15,7 @@ from pydantic import Field, ValidationError
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
 from nearfar.app.process import Message
+from nearfar.runtime import logs
 from nearfar.settings import Effort
 
 _ID = re.compile(r"[0-9a-f]{16}")
@@ -119,7 +121,8 @@ class JobStore:
     """A folder with one folder for each job.
 
     Args:
-        folder: made where missing; jobs that were waiting or running are interrupted now.
+        folder: made where missing; jobs that were waiting or running are interrupted now. What
+            cannot be read as a job is left as it is.
         most: largest number of jobs that are kept.
     """
 
@@ -200,9 +203,11 @@ class JobStore:
 
 
 def _read_all(folder: Path) -> Iterable[Job]:
+    """Yield the jobs in a folder, without those that cannot be read."""
     for inner in folder.iterdir():
         if _ID.fullmatch(inner.name):
             try:
                 yield Job.model_validate_json((inner / "job.json").read_bytes())
             except (OSError, ValidationError):
-                shutil.rmtree(inner, ignore_errors=True)
+                what = f"the job {inner.name} cannot be read, maybe of another version: left alone"
+                logs.event(what, logging.WARNING, folder=str(inner))
