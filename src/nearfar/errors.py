@@ -68,7 +68,7 @@ class MissingExtraError(NearfarError):
 
 
 class ExternalMethodError(NearfarError):
-    """A matcher that was named by `python:module.function` raised an exception."""
+    """A matcher, or a detector, of the user or another package raised an exception."""
 
 
 class BenchmarkError(NearfarError):

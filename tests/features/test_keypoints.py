@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
-from nearfar.errors import SettingsError
+from nearfar.errors import ExternalMethodError, MissingExtraError, SettingsError
 from nearfar.estimators import ESTIMATORS
+from nearfar.features.detection import Sift
 from nearfar.features.keypoints import Keypoints
+from nearfar.methods import METHODS
 from nearfar.methods.points import PointMethod
 from nearfar.models import Task
 from nearfar.runtime.timing import StageTimer
@@ -84,8 +86,50 @@ def test_a_wrong_result_of_a_detector_is_refused(found: Any) -> None:
         method(found).extract(np.zeros((9, 9, 3), np.uint8), StageTimer())
 
 
+class Raising:
+    """A detector and matcher of the user."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+    def detect(self, pixels: Any) -> Keypoints:  # noqa: ARG002
+        raise self.error
+
+    def match(self, far: Keypoints, near: Keypoints) -> Any:  # noqa: ARG002
+        raise self.error
+
+
 @pytest.mark.parametrize(
-    "found", [[[0, 3]], [[-1, 0]], [[3, 0]], [[0.0, 1.0]], [0, 1], [[0, 1, 2]], None]
+    ("error", "kind", "words"),
+    [
+        (RuntimeError("no memory left"), ExternalMethodError, "RuntimeError: no memory left"),
+        (MissingExtraError("this needs torch"), MissingExtraError, "^this needs torch$"),
+    ],
+)
+def test_an_exception_of_a_plug_in_names_it(
+    error: Exception, kind: type[Exception], words: str
+) -> None:
+    plugin = Raising(error)
+    broken = PointMethod(plugin, plugin, ESTIMATORS.create("ransac", Settings()))
+    external = kind is ExternalMethodError
+    with pytest.raises(kind, match=f"the detector Raising raised {words}" if external else words):
+        broken.extract(np.zeros((9, 9, 3), np.uint8), StageTimer())
+    with pytest.raises(kind, match=f"the matcher Raising raised {words}" if external else words):
+        broken.localize(three(), three(), Task("homography"), StageTimer())
+
+
+def test_a_bug_of_nearfar_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> Any:
+        raise RuntimeError("a bug")
+
+    own = METHODS.create("points", Settings(method="points"))
+    monkeypatch.setattr(Sift, "detect", broken)
+    with pytest.raises(RuntimeError, match="^a bug$"):
+        own.extract(np.zeros((9, 9, 3), np.uint8), StageTimer())
+
+
+@pytest.mark.parametrize(
+    "found", [[[0, 3]], [[-1, 0]], [[3, 0]], [[0.0, 1.0]], [0, 1], [[0, 1, 2]], [[0, 1], [2]], None]
 )
 def test_a_wrong_result_of_a_matcher_is_refused(found: Any) -> None:
     with pytest.raises(SettingsError, match="the matcher Fixed must return"):

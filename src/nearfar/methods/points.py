@@ -1,11 +1,13 @@
 """Methods that match keypoints of whole images: a detector, a matcher and an estimator each."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from nearfar.arrays import IndexPairs, RGBPixels
-from nearfar.errors import SettingsError
+from nearfar.errors import ExternalMethodError, NearfarError, SettingsError
 from nearfar.estimators import ESTIMATORS, Estimator
 from nearfar.features import DETECTORS, MATCHERS, Detector, Matcher
 from nearfar.features.keypoints import Keypoints
@@ -51,19 +53,24 @@ class PointMethod:
         """See `Method.extract`.
 
         Raises:
+            ExternalMethodError: a detector of another package raised an exception.
             SettingsError: the detector returned anything but valid keypoints.
         """
         with timer.stage("points"):
-            return checked_keypoints(self._detector.detect(pixels), self._detector)
+            with _errors_named("detector", self._detector):
+                found = self._detector.detect(pixels)
+            return checked_keypoints(found, self._detector)
 
     def localize(self, far: Keypoints, near: Keypoints, task: Task, timer: StageTimer) -> Answer:
         """See `Method.localize`.
 
         Raises:
+            ExternalMethodError: a matcher of another package raised an exception.
             SettingsError: the matcher returned anything but valid index pairs.
         """
         with timer.stage("point matching"):
-            found = self._matcher.match(far, near)
+            with _errors_named("matcher", self._matcher):
+                found = self._matcher.match(far, near)
             far_index, near_index = checked_pairs(found, far, near, self._matcher).T
             far_xy, near_xy = far.xy[far_index], near.xy[near_index]
         with timer.stage("estimation"):
@@ -91,6 +98,25 @@ class Combination(PointMethod):
         )
 
 
+@contextmanager
+def _errors_named(kind: str, plugin: Detector | Matcher) -> Iterator[None]:
+    """Name a plug-in of another package that raises an exception; a bug of nearfar is left as is.
+
+    Raises:
+        ExternalMethodError: the plug-in raised something else than a `NearfarError`.
+    """
+    try:
+        yield
+    except NearfarError:
+        raise
+    except Exception as error:
+        if type(plugin).__module__.partition(".")[0] == "nearfar":
+            raise
+        raise ExternalMethodError(
+            f"the {kind} {type(plugin).__qualname__} raised {type(error).__name__}: {error}"
+        ) from error
+
+
 def checked_keypoints(found: Any, detector: Detector) -> Keypoints:
     """Return what a detector found, if it is valid.
 
@@ -116,7 +142,10 @@ def checked_pairs(found: Any, far: Keypoints, near: Keypoints, matcher: Matcher)
     Raises:
         SettingsError: they have another shape, or are no indices of the keypoints.
     """
-    pairs = np.asarray(found)
+    try:
+        pairs = np.asarray(found)
+    except ValueError:  # Rows of different lengths.
+        pairs = np.array(None)
     if pairs.size == 0:
         return np.empty((0, 2), np.intp)
     indices = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu"
