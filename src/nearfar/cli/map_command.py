@@ -222,7 +222,7 @@ def locate_command(
     from nearfar.cli.map_queries import Query, died, locate_query
 
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
-    run, workers, meter = uuid.uuid4().hex, work.begin(), Meter()
+    run, workers, meter = uuid.uuid4().hex, work.begin("map"), Meter()
     tasks = [
         Query(query, name, folder, search, camera, save, run)
         for query, name in zip(queries, _names(queries), strict=True)
@@ -271,7 +271,7 @@ def _add(
     """Add images to a map, attach their poses, and print what was done."""
     sources = world.read()
     map_ = open_map(folder, create=create, max_size=max_size, settings=settings)
-    workers = work.begin()
+    workers = work.begin("map")
     with shown_progress("images") as show:
         added = map_.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
     for name, reason in added.failed:

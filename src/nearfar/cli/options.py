@@ -53,8 +53,11 @@ class Workplace:
     log_format: logs.LogFormat = "text"
     """json: write events to the error output, one JSON object a line."""
 
-    def begin(self) -> Workers:
+    def begin(self, extra: str = "bench") -> Workers:
         """Start the log, and return the workers.
+
+        Args:
+            extra: see `Workers`.
 
         Raises:
             SettingsError: the number of jobs is below 1.
@@ -62,7 +65,7 @@ class Workplace:
         if self.jobs < 1:
             raise SettingsError(f"--jobs must be at least 1, not {self.jobs}")
         logs.start(self.log_format)
-        return Workers(self.jobs, self.scheduler)
+        return Workers(self.jobs, self.scheduler, extra)
 
 
 WorkOptions = Annotated[Workplace, Parameter(name="*", group="Run")]

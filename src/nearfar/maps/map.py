@@ -154,7 +154,7 @@ class Map:
             raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
         files = given_files(images)
-        workers = Workers(jobs, scheduler)
+        workers = Workers(jobs, scheduler, extra="map")
         with self._changing():
             added = add_images(self._store, files, self.settings, workers, progress)
             self._store.index()

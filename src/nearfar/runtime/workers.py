@@ -43,10 +43,12 @@ class Workers:
     Attributes:
         jobs: local processes, each with one thread; 1: this process, with all threads.
         scheduler: address of a Dask scheduler; None: local processes.
+        extra: extra of the work that is done; it has the package that local processes need.
     """
 
     jobs: int = 1
     scheduler: str | None = None
+    extra: str = "bench"
 
     def run(
         self,
@@ -131,7 +133,7 @@ class Workers:
     def _pool(self) -> Iterator["_Pool"]:
         """Yield the processes that do tasks."""
         if self.scheduler is None:
-            require("bench", "joblib")
+            require(self.extra, "joblib")
             from joblib.externals.loky import get_reusable_executor
 
             pool = get_reusable_executor(self.jobs, env=THREADS, initializer=_keep_caches)
