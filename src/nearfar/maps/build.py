@@ -91,13 +91,7 @@ def add_images(
     meter = Meter()
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
-    left_out = {
-        name: reason
-        for name, reason in ((name, _unfit(name, file)) for name, file in named.items())
-        if reason is not None
-    }
-    for name in left_out:
-        del named[name]
+    left_out = _left_out(named)
     tasks = []
     for name, file in named.items():
         old = known.get(name)
@@ -134,6 +128,15 @@ def add_images(
         tuple(sorted(failed)),
         meter.metrics(),
     )
+
+
+def _left_out(named: dict[str, Location]) -> dict[str, str]:
+    """Remove the files that are left out without being opened; return the reason of each."""
+    reasons = {name: _unfit(name, file) for name, file in named.items()}
+    found = {name: reason for name, reason in reasons.items() if reason is not None}
+    for name in found:
+        del named[name]
+    return found
 
 
 def _unfit(name: str, file: Location) -> str | None:
