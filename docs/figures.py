@@ -31,6 +31,7 @@ from nearfar.estimators import Task
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.matching import nearest_neighbours
 from nearfar.geometry.homography import local_scale, outline, transform
+from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis
@@ -136,7 +137,10 @@ def draw_votes(pair: Pair) -> None:
 
 def draw_search(pair: Pair, descriptor: DenseDescriptor) -> Hypothesis:
     """The near image sought in the pyramid; the best place of all."""
-    far, sought = pyramid(pair.far, descriptor), templates(pair.near, descriptor)
+    far, sought = (
+        pyramid(MaskedImage(pair.far), descriptor),
+        templates(MaskedImage(pair.near), descriptor),
+    )
     found = search(far, sought, pair.near_size, DEFAULT.ladder.from_search)
     scale, score = [], []
     for level in far.levels:
@@ -159,7 +163,7 @@ def draw_search(pair: Pair, descriptor: DenseDescriptor) -> Hypothesis:
 
 def draw_zoom(pair: Pair, best: Hypothesis) -> None:
     """The region that both show by the best hypothesis, at one scale, matched again."""
-    seen = region(pair.far, pair.near, best.far_from_near)
+    seen = region(MaskedImage(pair.far), MaskedImage(pair.near), best.far_from_near)
     if seen is None:
         raise ValueError("the best place is outside the far image")
     found = fitted(pair, seen.matches(DEFAULT.zoom.reach), best.source)
@@ -174,7 +178,7 @@ def draw_zoom(pair: Pair, best: Hypothesis) -> None:
 
 def far_seen(seen: Region) -> RGBPixels:
     """The far image in the common frame."""
-    return warped(seen.far_pixels, seen.frame_from_far, seen.size)
+    return warped(seen.far.pixels, seen.frame_from_far, seen.size)
 
 
 def draw_answer(pair: Pair) -> None:

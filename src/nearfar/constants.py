@@ -9,7 +9,9 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 DIGEST_OF_0_1_0 = "e8eccb9b0d39"
-"""`Constants.digest` of the values that version 0.1.0 had; its results do not record it."""
+"""Hash of the constants of version 0.1.0, which its results do not record."""
+ADDED = ("agreement", "overlay")
+"""Steps that version 0.1.0 did not have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,6 +222,66 @@ class AcceptanceConstants:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AgreementConstants:
+    """Agreement of the whole near image with the far image under a homography."""
+
+    least: float = 0.3
+    """Share of cells that agree below which a homography is refused. Of 50 correct ones of the
+    development pairs the lowest have 0.35, 0.44 and 0.47 (bare sand, a white board)."""
+    least_cells: int = 20
+    """Cells that both images show below which nothing is said."""
+    side: int = 128
+    """Longest side of the reduced near image, in pixels."""
+    margin: int = 40
+    """Pixels around it in which cells are compared."""
+    inner: float = 2.5
+    """Least distance of the cells around that a cell is ranked among, in cells of 8 pixels."""
+    outer: int = 4
+    """Largest such distance, in cells."""
+    away: float = 16.0
+    """Pixels of the frame from the nearest inlier beyond which cells are also counted alone."""
+    least_away: float = 0.2
+    """Share of these that agree below which a homography is refused; the lowest correct one has
+    0.28."""
+    least_around: int = 8
+    """Cells around that the far image must show."""
+    best_share: float = 0.05
+    """Share of the cells around that may be more similar than the cell in its place."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OverlayConstants:
+    """Static overlays: what both pictures share at the same place of the picture."""
+
+    tolerance: float = 1.5
+    """Far pixels by which a match may miss the same place of the picture."""
+    least_share: float = 0.5
+    """Share of the inliers at the same place from which an overlay is looked for."""
+    least_correlated: float = 0.4
+    """Share of the blocks outside the common pixels whose correlation is above 0.5, from which the
+    scene is the same."""
+    least_deviation: float = 3.0
+    """Standard deviation of values (0..255) from which a block of either picture has texture."""
+    least_blocks: int = 12
+    """Textured blocks outside the common pixels below which the scene is the same."""
+    least_outside: float = 0.2
+    """The same as a share of all textured blocks; less may be what passes a camera that stands."""
+    cell: int = 16
+    """Side of the cells whose pixels are compared, in pixels."""
+    most_difference: float = 6.0
+    """Mean difference of a cell's values (0..255) up to which its pixels are common."""
+    rounds: int = 3
+    """Overlays at different places of the picture that are left out one after the other."""
+    least_contrast: float = 20.0
+    """Difference of a pixel from its surroundings (0..255), in both pictures, of a common line."""
+    most_lines: float = 0.03
+    """Share of the picture that common lines cover, above which they may be chance."""
+    radius: int = 12
+    """Pixels around common lines and around matches at the same place that belong to the overlay;
+    a semi-transparent mark has no common pixels."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Constants:
     """The constants of all steps."""
 
@@ -232,12 +294,8 @@ class Constants:
     alignment: AlignmentConstants = AlignmentConstants()
     views: ViewConstants = ViewConstants()
     acceptance: AcceptanceConstants = AcceptanceConstants()
-
-    @property
-    def digest(self) -> str:
-        """A hash of all values."""
-        text = json.dumps(asdict(self), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
+    agreement: AgreementConstants = AgreementConstants()
+    overlay: OverlayConstants = OverlayConstants()
 
     def for_features(self) -> dict[str, Any]:
         """Return the values that features of an image depend on."""
@@ -248,9 +306,17 @@ class Constants:
             if item.metadata.get("features")
         }
 
-    def table(self) -> dict[str, Any]:
-        """Return the values by step for a record; empty where they are those of version 0.1.0."""
-        return {} if self.digest == DIGEST_OF_0_1_0 else asdict(self)
+    def table(self, method: str) -> dict[str, Any]:
+        """Return the values by step for a record; empty where version 0.1.0 had the same.
+
+        Args:
+            method: name of the method; only `adaptive` has the steps that are new since then.
+        """
+        values = asdict(self)
+        new = {name: values.pop(name) for name in ADDED}
+        text = json.dumps(values, sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()[:12]
+        return ({} if digest == DIGEST_OF_0_1_0 else values) | (new if method == "adaptive" else {})
 
 
 DEFAULT = Constants()

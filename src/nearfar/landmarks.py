@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
 from nearfar.descriptors import DESCRIPTORS, Descriptor
 from nearfar.features.matching import mutual_nearest
+from nearfar.imaging.mask import PixelMask
 from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings
@@ -43,6 +45,18 @@ class LandmarkLayers:
     """
 
     layers: tuple[Landmarks, ...]
+
+    def masked(self, mask: PixelMask) -> "LandmarkLayers":
+        """Return the landmarks without those of which a mask leaves out half of the box or more."""
+        total = cv2.integral(mask.astype(np.uint8)).astype(np.int64)
+        layers = []
+        for layer in self.layers:
+            x, y, width, height = layer.boxes.T.astype(np.intp)
+            right, bottom = x + width, y + height
+            used = total[bottom, right] - total[y, right] - total[bottom, x] + total[y, x]
+            kept = used > width * height / 2
+            layers.append(Landmarks(layer.boxes[kept], layer.vectors[kept]))
+        return LandmarkLayers(tuple(layers))
 
     @property
     def nbytes(self) -> int:

@@ -15,7 +15,7 @@ from nearfar.errors import ImageError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
-from nearfar.models import MODEL_KINDS, ModelKind
+from nearfar.models import MODEL_KINDS, Excluded, ModelKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +68,10 @@ class Localization:
         method: name of the method.
         step: step that found the answer; None for a method without several steps.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
+        agreement: share of the near image whose features agree with the far image where the
+            homography puts it, which the matches had no part in; None where it is not known.
+        excluded: what was left out as an overlay that both pictures share, boxes in pixels of the
+            original images; None where nothing was.
         far: path and size of the far image.
         near: path and size of the near image.
     """
@@ -88,6 +92,8 @@ class Localization:
     descriptor: str | None
     far: ImageInfo
     near: ImageInfo
+    agreement: float | None = None
+    excluded: Excluded | None = None
 
     @property
     def localized(self) -> bool:
@@ -110,6 +116,8 @@ class Localization:
             "landmark_matches": len(self.landmarks),
             "method": self.method,
             "step": self.step,
+            "agreement": self.agreement,
+            "excluded": None if self.excluded is None else _excluded_as_dict(self.excluded),
             "descriptor": self.descriptor,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),
@@ -158,6 +166,8 @@ class Localization:
                 descriptor=_text(content["descriptor"]),
                 far=_read_info(content["far"]),
                 near=_read_info(content["near"]),
+                agreement=_number(content.get("agreement")),
+                excluded=_read_excluded(content.get("excluded")),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise LocalizationError(
@@ -210,6 +220,21 @@ def _read_again(info: ImageInfo, source: ImageSource | None) -> Image:
             f"{info.width}x{info.height} were localized: localize again"
         )
     return image
+
+
+def _excluded_as_dict(excluded: Excluded) -> dict[str, Any]:
+    return {
+        "matches": excluded.matches,
+        "far_box": excluded.far_box.tolist(),
+        "near_box": excluded.near_box.tolist(),
+    }
+
+
+def _read_excluded(content: Mapping[str, Any] | None) -> Excluded | None:
+    if content is None:
+        return None
+    boxes = [_array(content[name], (4,)).astype(np.int32) for name in ("far_box", "near_box")]
+    return Excluded(int(content["matches"]), boxes[0], boxes[1])
 
 
 def _image_as_dict(image: ImageInfo) -> dict[str, Any]:

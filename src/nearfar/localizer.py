@@ -21,10 +21,11 @@ from nearfar.geometry.intrinsics import (
     read_intrinsics,
 )
 from nearfar.imaging.image import Image, ImageSource, read_image
+from nearfar.imaging.mask import MaskSource
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
-from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
+from nearfar.models import MODEL_KINDS, Answer, Excluded, ModelKind, Task
 from nearfar.proposals import PROPOSERS, scaled_boxes
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
@@ -86,6 +87,8 @@ class Localizer:
         model: ModelKind | None = None,
         intrinsics: IntrinsicsSource | None = None,
         expected: Sequence[Matrix3] = (),
+        far_mask: MaskSource | None = None,
+        near_mask: MaskSource | None = None,
         watcher: Watcher | None = None,
     ) -> Localization:
         """Find where the near image lies in the far image.
@@ -97,6 +100,9 @@ class Localizer:
             intrinsics: intrinsics of both cameras in pixels of the original images.
             expected: approximate `far_from_near`, homographies between the original images, that
                 are tried before any other guess; only the method `adaptive` uses them.
+            far_mask: file or array as large as the far image, 0 where it must not be used, as on
+                overlays, cars or the sky; nothing is detected, described or compared there.
+            near_mask: the same for the near image.
             watcher: is told of each stage as it begins and, by the method `adaptive`, of each
                 attempt.
 
@@ -104,16 +110,17 @@ class Localizer:
             The localization; its status is "failed" where none was found.
 
         Raises:
-            ImageError: an image cannot be read.
+            ImageError: an image or a mask cannot be read, or a mask has another size.
             IntrinsicsError: the intrinsics are not valid, or a pose is asked for without any.
-            SettingsError: the model is unknown, `expected` holds what is no homography, or a
-                plug-in returned another number of inlier flags than of matches.
+            SettingsError: the method takes no masks, the model is unknown, `expected` holds what is
+                no homography, or a plug-in returned another number of inlier flags than of
+                matches.
         """
         known = None if intrinsics is None else read_intrinsics(intrinsics)
         kind = _model_kind(model, known)
         timer = StageTimer(watcher)
         with timer.stage("reading"):
-            far_image, near_image = self._read(far), self._read(near)
+            far_image, near_image = self._read(far, far_mask), self._read(near, near_mask)
         task = _task(kind, known, far_image, near_image, expected)
         answer = self._method.localize(
             self._extract(far_image, timer), self._extract(near_image, timer), task, timer
@@ -133,9 +140,10 @@ class Localizer:
         if features.nbytes <= self._features.maxsize:
             self._features[key] = features
 
-    def _read(self, source: ImageSource) -> Image:
+    def _read(self, source: ImageSource, mask: MaskSource | None) -> Image:
+        settings = self.settings
         return read_image(
-            source, max_size=self.settings.max_size, max_pixels=self.settings.max_pixels
+            source, max_size=settings.max_size, max_pixels=settings.max_pixels, mask=mask
         )
 
     def _extract(self, image: Image, timer: StageTimer) -> Any:
@@ -143,13 +151,23 @@ class Localizer:
         if key in self._features:
             return self._features[key]
         if self._stored is None:
-            features = self._method.extract(image.pixels, timer)
+            features = self._computed(image, timer)
         else:
-            features = self._stored.get_or_compute(
-                key, lambda: self._method.extract(image.pixels, timer)
-            )
+            features = self._stored.get_or_compute(key, lambda: self._computed(image, timer))
         self._keep(key, features)
         return features
+
+    def _computed(self, image: Image, timer: StageTimer) -> Any:
+        features = self._method.extract(image.pixels, timer)
+        if image.mask is None:
+            return features
+        masked = getattr(self._method, "masked", None)
+        if masked is None:
+            raise SettingsError(
+                f"the method {self.settings.method!r} takes no masks or transparent images: use "
+                f"adaptive or a method of keypoints"
+            )
+        return masked(features, image.mask)
 
     def _localization(
         self, task: Task, answer: Answer, far: Image, near: Image, timer: StageTimer
@@ -179,7 +197,7 @@ class Localizer:
             outline = footprint(np.asarray(model), near.width, near.height)
         return Localization(
             status="failed" if model is None else "localized",
-            reason=estimate.reason,
+            reason=_reason(answer),
             model=kind,
             far_from_near=model,
             scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
@@ -191,6 +209,8 @@ class Localizer:
             seconds=timer.seconds,
             method=self.settings.method,
             step=answer.step,
+            agreement=None if answer.agreement is None else answer.agreement.share,
+            excluded=None if answer.excluded is None else _excluded(answer.excluded, far, near),
             descriptor=self.descriptor,
             far=far.info,
             near=near.info,
@@ -229,6 +249,23 @@ def localize(
     if method is not None:
         options["method"] = method
     return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
+
+
+def _reason(answer: Answer) -> str | None:
+    """Return why there is no model, with the overlay that was left out."""
+    reason = answer.estimate.reason
+    if reason is None or answer.excluded is None:
+        return reason
+    return f"{reason}; {answer.excluded.matches} matches lie on an overlay that both pictures share"
+
+
+def _excluded(excluded: Excluded, far: Image, near: Image) -> Excluded:
+    """Return what was left out in pixels of the original images."""
+    return Excluded(
+        excluded.matches,
+        _boxes_in_original_pixels(excluded.far_box[np.newaxis], far)[0],
+        _boxes_in_original_pixels(excluded.near_box[np.newaxis], near)[0],
+    )
 
 
 def _check_lengths(answer: Answer, method: str) -> None:

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from nearfar.arrays import Coordinates, Mask, Matrix3
+from nearfar.arrays import Boxes, Coordinates, Mask, Matrix3
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.landmarks import LandmarkMatches
 
@@ -76,6 +76,34 @@ def failure(matches: int, threshold: float, reason: str) -> Estimate:
 LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """How much of the near image looks like the far image where a homography puts it.
+
+    Attributes:
+        share: share of all cells that both images show, from 0 to 1.
+        away: share of those away from every inlier; None where there are too few.
+    """
+
+    share: float
+    away: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Excluded:
+    """What was left out, as both pictures share it at the same place: a static overlay.
+
+    Attributes:
+        matches: number of point matches on it.
+        far_box: (4,) x, y, width and height around it in pixels of the far image.
+        near_box: (4,) the same in the near image.
+    """
+
+    matches: int
+    far_box: Boxes
+    near_box: Boxes
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """What a method found, in pixels of the working images.
@@ -89,6 +117,9 @@ class Answer:
             chance would give; None leaves it to be computed from the matches.
         confidence: calibrated probability that the model is right; None where not calibrated.
         step: what a method with several steps found the answer with.
+        agreement: share of the near image whose features agree with the far image where the
+            homography puts it; None where that is not known.
+        excluded: what was left out as an overlay; None where nothing was.
     """
 
     far: Coordinates
@@ -98,3 +129,5 @@ class Answer:
     log10_nfa: float | None = None
     confidence: float | None = None
     step: str | None = None
+    agreement: Agreement | None = None
+    excluded: Excluded | None = None

@@ -121,8 +121,10 @@ def test_grey_palette_and_alpha(tmp_path: Path) -> None:
     assert np.abs(read_image(palette).pixels.astype(int) - GRADIENT).mean() < 20
     alpha = np.dstack([GRADIENT, np.full((30, 40), 255, np.uint8)])
     alpha[:5, :, 3] = 0
-    pixels = read_image(save(tmp_path / "alpha.png", alpha)).pixels
-    assert (pixels[:5] == 128).all()
+    image = read_image(save(tmp_path / "alpha.png", alpha))
+    pixels = image.pixels
+    assert image.mask is not None
+    assert not image.mask[:5].any()
     np.testing.assert_array_equal(pixels[5:], GRADIENT[5:])
 
 
@@ -222,13 +224,15 @@ def test_reduction_keeps_positions() -> None:
     )
 
 
-def test_what_is_transparent_is_mid_grey_at_any_depth() -> None:
+def test_what_is_transparent_is_masked_at_any_depth() -> None:
     sensor = np.full((30, 40, 4), 4095, np.uint16)
     sensor[..., 3] = 65535
     sensor[:5, :, 3] = 0
-    pixels = read_image(sensor).pixels
-    assert (pixels[:5] == 128).all()
-    assert (pixels[5:] == 255).all()
+    image = read_image(sensor)
+    assert image.mask is not None
+    assert not image.mask[:5].any()
+    assert image.mask[8:].all()
+    assert (image.pixels == 255).all()
 
 
 def test_a_name_that_no_file_can_have_is_refused() -> None:

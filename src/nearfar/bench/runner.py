@@ -40,6 +40,7 @@ _KEPT = (
     "scale_change",
     "log10_nfa",
     "confidence",
+    "agreement",
     "step",
     "seconds",
 )

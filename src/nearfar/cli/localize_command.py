@@ -24,6 +24,8 @@ def localize_command(
     *,
     model: ModelKind | None = None,
     intrinsics: Path | None = None,
+    far_mask: Path | None = None,
+    near_mask: Path | None = None,
     as_json: Annotated[Flag, Parameter(name="--json")] = False,
     save: Path | None = None,
     export: Annotated[
@@ -42,6 +44,8 @@ def localize_command(
         model: What to estimate; by default a pose with --intrinsics, else a homography.
         intrinsics: JSON file {"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]} in pixels of the
             original images, or KITTI's calib.txt.
+        far_mask: Image as large as FAR, black where it must not be used.
+        near_mask: Image as large as NEAR, black where it must not be used.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures.
         export: Write a file for another tool into the folder of --save: colmap, csv, geojson, hloc,
@@ -52,7 +56,9 @@ def localize_command(
     if exporters and save is None:
         raise SettingsError("--export needs a folder to write to: --save DIR")
     localizer = Localizer(with_weights(settings, weights))
-    found = localizer.localize(far, near, model=model, intrinsics=intrinsics)
+    found = localizer.localize(
+        far, near, model=model, intrinsics=intrinsics, far_mask=far_mask, near_mask=near_mask
+    )
     saved = []
     if save is not None:
         saved = [*save_localization(found, save), *_export(found, exporters, save, intrinsics)]
@@ -87,6 +93,8 @@ def _text(found: Localization, saved: list[Path]) -> str:
     if found.confidence is not None:
         decided = f", decided by {found.step}" if found.localized else ""
         lines.append(f"confidence: {found.confidence:.2f}{decided}")
+    if found.excluded is not None:
+        lines.append(f"left out: {found.excluded.matches} matches on an overlay of both pictures")
     if found.scale_change is not None:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:

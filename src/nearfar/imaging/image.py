@@ -20,6 +20,7 @@ from PIL.ImageFile import ImageFile
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import scaling
+from nearfar.imaging.mask import MaskSource, PixelMask, filled, read_mask, reduced, without_border
 from nearfar.imaging.orientation import orientation_of, oriented
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
@@ -62,12 +63,14 @@ class Image:
         width: width of the original as displayed (after its EXIF rotation), in pixels.
         height: height of the original as displayed.
         path: where it was read from; None for an array.
+        mask: (height, width) of the working image, True where pixels may be used; None: all.
     """
 
     pixels: RGBPixels
     width: int
     height: int
     path: Path | None
+    mask: PixelMask | None = None
 
     @property
     def info(self) -> ImageInfo:
@@ -82,9 +85,11 @@ class Image:
 
     @property
     def content_hash(self) -> str:
-        """Return SHA-256 of the working pixels and the original size."""
+        """Return SHA-256 of the working pixels, their mask and the original size."""
         digest = hashlib.sha256(repr((self.pixels.shape, self.width, self.height)).encode())
         digest.update(self.pixels.tobytes())
+        if self.mask is not None:
+            digest.update(np.packbits(self.mask).tobytes())
         return digest.hexdigest()
 
 
@@ -105,10 +110,17 @@ def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:
     return max(1, round(width * factor)), max(1, round(height * factor))
 
 
-def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_000_000) -> Image:
+def read_image(
+    source: ImageSource,
+    *,
+    max_size: int = 0,
+    max_pixels: int = 200_000_000,
+    mask: MaskSource | None = None,
+) -> Image:
     """Read an image and reduce it to its working size.
 
-    EXIF rotation is applied, transparency shows mid-grey, grey becomes RGB. Values of 16 bits are
+    EXIF rotation is applied, grey becomes RGB. Transparent pixels are masked, as are those where
+    the mask is 0; masked pixels get the colours around them. Values of 16 bits are
     scaled to 8 by the smallest bit depth that holds the largest of them, so that the 12 bits of a
     sensor use the whole range.
 
@@ -117,26 +129,45 @@ def read_image(source: ImageSource, *, max_size: int = 0, max_pixels: int = 200_
             array of uint8 or uint16.
         max_size: longest side of the working image in pixels; 0 keeps the original size.
         max_pixels: refuse images with more pixels.
+        mask: file or array of the original size as displayed; 0, black, is left out.
 
     Raises:
-        ImageError: it cannot be read, or is larger than `max_pixels`.
+        ImageError: it cannot be read, or is larger than `max_pixels`; the mask cannot be read, or
+            has another size, or leaves nothing.
         SettingsError: `max_size` is negative.
     """
     if max_size < 0:
         raise SettingsError(f"max_size must be at least 0, not {max_size}")
     if isinstance(source, np.ndarray):
-        path = None
-        pixels = _to_rgb8(_checked(source, max_pixels), max_size)
+        path, decoded = None, _checked(source, max_pixels)
+        pixels = _to_rgb8(decoded, max_size)
         if np.may_share_memory(pixels, source):
             pixels = pixels.copy()  # The caller may reuse the array for the next frame.
-        height, width = source.shape[:2]
     else:
         path = _regular_file(source)
         decoded = _decode(path, max_pixels)
-        height, width = decoded.shape[:2]
         pixels = _to_rgb8(decoded, max_size)
+    height, width = decoded.shape[:2]
+    used = _used(decoded, mask, pixels.shape[1::-1])
+    if used is not None:
+        pixels, used = filled(pixels, used), without_border(used)
+        if not used.any():
+            raise ImageError("the mask, or the transparency of the image, leaves no pixel to use")
     pixels.flags.writeable = False  # Features that are kept refer to them.
-    return Image(pixels, width, height, path)
+    return Image(pixels, width, height, path, used)
+
+
+def _used(
+    decoded: NDArray[Any], source: MaskSource | None, size: tuple[int, ...]
+) -> PixelMask | None:
+    """Return the mask of a working image from its transparency and a mask; None: all is used."""
+    height, width = decoded.shape[:2]
+    used = np.ones((height, width), np.bool_)
+    if decoded.ndim == 3 and decoded.shape[2] == 4:
+        used &= decoded[..., 3] > np.iinfo(decoded.dtype).max // 2
+    if source is not None:
+        used &= read_mask(source, (width, height))
+    return None if used.all() else reduced(used, (size[0], size[1]))
 
 
 def _checked(array: NDArray[Any], max_pixels: int) -> NDArray[Any]:

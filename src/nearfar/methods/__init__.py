@@ -14,7 +14,11 @@ Features = TypeVar("Features")
 
 
 class Method(Protocol[Features]):
-    """Localizes a near image in a far image. All coordinates are pixels of the working images."""
+    """Localizes a near image in a far image. All coordinates are pixels of the working images.
+
+    A method that takes masks also has `masked(features, mask)`. It returns the features without
+    those on pixels where the (height, width) mask is False.
+    """
 
     @property
     def uses_landmarks(self) -> bool:

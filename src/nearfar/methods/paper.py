@@ -10,6 +10,7 @@ from nearfar.estimators import ESTIMATORS, Estimator
 from nearfar.features.detection import detect_sift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_mnn_in_boxes
+from nearfar.imaging.mask import PixelMask, usable
 from nearfar.landmarks import (
     LandmarkDetector,
     LandmarkLayers,
@@ -60,6 +61,11 @@ class Paper:
             points = detect_sift(pixels)
         return PaperFeatures(landmarks, points)
 
+    def masked(self, features: PaperFeatures, mask: PixelMask) -> PaperFeatures:
+        """Return the landmarks and keypoints that a mask leaves; see `Method`."""
+        points = features.points[usable(mask, mask.shape[::-1], features.points.xy)]
+        return PaperFeatures(features.landmarks.masked(mask), points)
+
     def localize(
         self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
     ) -> Answer:
@@ -80,6 +86,10 @@ class Objects:
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> LandmarkLayers:
         """See `Method.extract`."""
         return self._landmarks.detect(pixels, timer)
+
+    def masked(self, features: LandmarkLayers, mask: PixelMask) -> LandmarkLayers:
+        """Return the landmarks that a mask leaves; see `Method`."""
+        return features.masked(mask)
 
     def localize(
         self, far: LandmarkLayers, near: LandmarkLayers, task: Task, timer: StageTimer

@@ -11,6 +11,7 @@ from nearfar.errors import ExternalMethodError, NearfarError, SettingsError
 from nearfar.estimators import ESTIMATORS, Estimator
 from nearfar.features import DETECTORS, MATCHERS, Detector, Matcher
 from nearfar.features.keypoints import Keypoints
+from nearfar.imaging.mask import PixelMask, usable
 from nearfar.methods import METHODS
 from nearfar.models import Answer, Task
 from nearfar.runtime.timing import StageTimer
@@ -60,6 +61,10 @@ class PointMethod:
             with _errors_named("detector", self._detector):
                 found = self._detector.detect(pixels)
             return checked_keypoints(found, self._detector)
+
+    def masked(self, features: Keypoints, mask: PixelMask) -> Keypoints:
+        """Return the keypoints that a mask leaves; see `Method`."""
+        return features[usable(mask, mask.shape[::-1], features.xy)]
 
     def localize(self, far: Keypoints, near: Keypoints, task: Task, timer: StageTimer) -> Answer:
         """See `Method.localize`.

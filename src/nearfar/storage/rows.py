@@ -45,7 +45,7 @@ def settings_table(settings: Settings) -> dict[str, Any]:
     """Return settings for JSON, with the SHA-256 of weights, the shipped model and plug-ins."""
     content = dataclasses.asdict(settings)
     del content["constants"]
-    if constants := settings.constants.table():
+    if constants := settings.constants.table(settings.method):
         content["constants"] = constants
     for name in ADDED:
         if content[name] == getattr(Settings(), name):

@@ -7,7 +7,7 @@ from nearfar.arrays import Coordinates
 from nearfar.constants import AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint
-from nearfar.models import MODEL_NAMES, Answer, Estimate, Task, failure
+from nearfar.models import MODEL_NAMES, Agreement, Answer, Estimate, Task, failure
 from nearfar.settings import Settings
 from nearfar.verification.conditioning import (
     corner_deviation,
@@ -44,6 +44,10 @@ def accepted(
         reason = "too few to exclude chance (--max-false-alarms)"
     elif confidence is not None and confidence < settings.min_confidence:
         reason = f"with a confidence of only {confidence:.2f} (--min-confidence)"
+    elif answer.agreement is not None and _disagrees(answer.agreement, settings):
+        share = answer.agreement.share
+        reason = f"but only {share:.0%} of the near image looks like the far image there"
+        confidence = None if confidence is None else 0.0
     elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
         return answer
     else:
@@ -59,6 +63,13 @@ def accepted(
     agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
     failed = failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
     return dataclasses.replace(answer, estimate=failed, confidence=confidence)
+
+
+def _disagrees(found: Agreement, settings: Settings) -> bool:
+    """Return whether too little of the near image agrees, in all or away from the inliers."""
+    limits = settings.constants.agreement
+    away = found.away is not None and found.away < limits.least_away
+    return found.share < limits.least or away
 
 
 def _underdetermined(
@@ -79,7 +90,9 @@ def _underdetermined(
             )
     elif model is not None and task.model == "homography":
         seen = footprint(model, *near_size)
+        if seen is None:
+            return "which put a part of the near image beyond the horizon"
         deviation = corner_deviation(model, far, near, near_size)
-        if seen is not None and deviation > largest_deviation(seen, constants):
+        if deviation > largest_deviation(seen, constants):
             return f"which determine its corners only to {deviation:.0f} pixels"
     return None

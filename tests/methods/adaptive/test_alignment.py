@@ -11,6 +11,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.constants import DEFAULT
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.geometry.homography import outline, transform, translation
+from nearfar.imaging.mask import MaskedImage
 from nearfar.methods.adaptive.alignment import Frame, align
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import pyramid
@@ -68,7 +69,13 @@ def test_a_rough_place_becomes_affine_and_accurate(
 ) -> None:
     far, near = far_and_near
     assert error(rough.far_from_near) > 15
-    (found, *_) = align(far, near, [rough], network(), pyramid(far, network()))
+    (found, *_) = align(
+        MaskedImage(far),
+        MaskedImage(near),
+        [rough],
+        network(),
+        pyramid(MaskedImage(far), network()),
+    )
     assert error(found.far_from_near) < 4
     assert found.source == "alignment"
 
@@ -78,7 +85,13 @@ def test_the_right_place_is_the_best(
 ) -> None:
     far, near = far_and_near
     wrong = [similarity((x, y), 0.15, 20) for x in (80, 200, 520) for y in (90, 380)]
-    found = align(far, near, [*wrong, rough], network(), pyramid(far, network()))
+    found = align(
+        MaskedImage(far),
+        MaskedImage(near),
+        [*wrong, rough],
+        network(),
+        pyramid(MaskedImage(far), network()),
+    )
     assert error(found[0].far_from_near) < 4
     assert [each.support for each in found] == sorted(each.support for each in found)[::-1]
     others = [each.support for each in found if error(each.far_from_near) > 20]
@@ -90,27 +103,38 @@ def test_similarity_is_greatest_where_the_image_lies(
     far_and_near: tuple[RGBPixels, RGBPixels], rough: Hypothesis
 ) -> None:
     far, near = far_and_near
-    frame = Frame(near, network(), pyramid(far, network()), 192, 24)
-    right = frame.similarity(far, Hypothesis(AFFINE, 0.0, "landmarks"))
-    shifted = frame.similarity(far, Hypothesis(translation(20, 0) @ AFFINE, 0.0, "landmarks"))
-    assert right > frame.similarity(far, rough) > shifted
-    itself = Frame(near, network(), pyramid(near, network()), 192, 24)
-    assert itself.similarity(near, Hypothesis(np.eye(3), 0.0, "landmarks")) > 0.95
+    frame = Frame(MaskedImage(near), network(), pyramid(MaskedImage(far), network()), 192, 24)
+    right = frame.similarity(MaskedImage(far), Hypothesis(AFFINE, 0.0, "landmarks"))
+    shifted = frame.similarity(
+        MaskedImage(far), Hypothesis(translation(20, 0) @ AFFINE, 0.0, "landmarks")
+    )
+    assert right > frame.similarity(MaskedImage(far), rough) > shifted
+    itself = Frame(MaskedImage(near), network(), pyramid(MaskedImage(near), network()), 192, 24)
+    assert itself.similarity(MaskedImage(near), Hypothesis(np.eye(3), 0.0, "landmarks")) > 0.95
 
 
 def test_what_lies_outside_matches_nothing(far_and_near: tuple[RGBPixels, RGBPixels]) -> None:
     far, near = far_and_near
-    frame = Frame(near, network(), pyramid(far, network()), 128, 40)
+    frame = Frame(MaskedImage(near), network(), pyramid(MaskedImage(far), network()), 128, 40)
     beyond = similarity((5000, 5000), 0.15, 0)
-    assert frame.aligned(far, beyond) is None
-    assert frame.similarity(far, beyond) == 0
+    assert frame.aligned(MaskedImage(far), beyond) is None
+    assert frame.similarity(MaskedImage(far), beyond) == 0
 
 
 def test_no_other_place_altogether_and_the_same_twice() -> None:
     rng = np.random.default_rng(0)
     far, near = (rng.integers(0, 256, (120, 160, 3), dtype=np.uint8) for _ in range(2))
     sought = [similarity((x, 60), 0.1, 0) for x in (30, 80, 130)]
-    found, again = (align(far, near, sought, network(), pyramid(far, network())) for _ in range(2))
+    found, again = (
+        align(
+            MaskedImage(far),
+            MaskedImage(near),
+            sought,
+            network(),
+            pyramid(MaskedImage(far), network()),
+        )
+        for _ in range(2)
+    )
     assert found
     for each, twin in zip(found, again, strict=True):
         np.testing.assert_array_equal(each.far_from_near, twin.far_from_near)
@@ -123,9 +147,18 @@ def test_no_other_place_altogether_and_the_same_twice() -> None:
 
 def test_nothing_sought_or_nothing_to_see() -> None:
     blank = np.full((64, 80, 3), 90, np.uint8)
-    features = pyramid(blank, network())
-    assert align(blank, blank, [], network(), features) == []
-    assert align(blank, blank, [Hypothesis(np.eye(3), 0.0, "landmarks")], network(), features) == []
+    features = pyramid(MaskedImage(blank), network())
+    assert align(MaskedImage(blank), MaskedImage(blank), [], network(), features) == []
+    assert (
+        align(
+            MaskedImage(blank),
+            MaskedImage(blank),
+            [Hypothesis(np.eye(3), 0.0, "landmarks")],
+            network(),
+            features,
+        )
+        == []
+    )
 
 
 def test_any_descriptor_with_maps(
@@ -134,5 +167,11 @@ def test_any_descriptor_with_maps(
     far, near = far_and_near
     descriptor = DESCRIPTORS.create("hog", Settings())
     assert isinstance(descriptor, DenseDescriptor)
-    found = align(far, near, [rough], descriptor, pyramid(far, descriptor))
+    found = align(
+        MaskedImage(far),
+        MaskedImage(near),
+        [rough],
+        descriptor,
+        pyramid(MaskedImage(far), descriptor),
+    )
     assert error(found[0].far_from_near) < error(rough.far_from_near) / 2

@@ -13,6 +13,7 @@ from nearfar.constants import DEFAULT
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.descriptors.handcrafted import HOG
 from nearfar.geometry.homography import local_scale, transform
+from nearfar.imaging.mask import MaskedImage
 from nearfar.methods.adaptive import search as search_module
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import (
@@ -57,7 +58,12 @@ def unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def best_of(far: RGBPixels, near: RGBPixels, most: int = 3) -> list[Hypothesis]:
     height, width = near.shape[:2]
-    return search(pyramid(far, HOG_MAPS), templates(near, HOG_MAPS), (width, height), most)
+    return search(
+        pyramid(MaskedImage(far), HOG_MAPS),
+        templates(MaskedImage(near), HOG_MAPS),
+        (width, height),
+        most,
+    )
 
 
 def test_the_helper_turns_as_it_says(photograph: Callable[[str], RGBPixels]) -> None:
@@ -97,8 +103,10 @@ def test_what_is_thirty_pixels_large_is_found_upsampled(
     far, far_from_photograph = reduced(image, 8)
     near, photograph_from_near = crop_and_turn(image, name, 0)
     height, width = near.shape[:2]
-    larger = upsampled(pyramid(far, HOG_MAPS), far, HOG_MAPS)
-    best = search(larger, templates(near, HOG_MAPS), (width, height), 1)[0].far_from_near
+    larger = upsampled(pyramid(MaskedImage(far), HOG_MAPS), MaskedImage(far), HOG_MAPS)
+    best = search(larger, templates(MaskedImage(near), HOG_MAPS), (width, height), 1)[
+        0
+    ].far_from_near
     centre = np.array([[(width - 1) / 2, (height - 1) / 2]])
     truth = far_from_photograph @ photograph_from_near
     away = np.linalg.norm(transform(best, centre) - transform(truth, centre))
@@ -108,8 +116,11 @@ def test_what_is_thirty_pixels_large_is_found_upsampled(
 @pytest.mark.parametrize("side", [40, 1600])
 def test_enlarged_levels_continue_a_pyramid(side: int) -> None:
     image = np.random.default_rng(0).integers(0, 255, (side, side, 3), np.uint8)
-    base = pyramid(image, HOG_MAPS)
-    scales = [level.level_from_image[0, 0] for level in upsampled(base, image, HOG_MAPS).levels]
+    base = pyramid(MaskedImage(image), HOG_MAPS)
+    scales = [
+        level.level_from_image[0, 0]
+        for level in upsampled(base, MaskedImage(image), HOG_MAPS).levels
+    ]
     first = base.levels[0].level_from_image[0, 0]
     np.testing.assert_allclose(scales, [first * 2 ** (step / 3) for step in (1, 2, 3)], rtol=0.03)
     assert (scales[-1] * side) ** 2 < 1.05 * DEFAULT.search.most_enlarged_pixels

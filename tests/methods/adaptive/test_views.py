@@ -12,6 +12,7 @@ from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.estimators import ESTIMATORS
 from nearfar.features.keypoints import Keypoints
 from nearfar.geometry.homography import outline, transform
+from nearfar.imaging.mask import MaskedImage
 from nearfar.methods.adaptive.simulated_views import (
     ALL_AROUND,
     FRONTAL,
@@ -131,8 +132,8 @@ def test_keypoints_of_views_lie_where_those_of_the_image_do(
     photograph: Callable[[str], RGBPixels],
 ) -> None:
     image = photograph("coffee")
-    frontal = view_keypoints(image, [FRONTAL])
-    tilted = view_keypoints(image, around(2, 2))
+    frontal = view_keypoints(MaskedImage(image), [FRONTAL])
+    tilted = view_keypoints(MaskedImage(image), around(2, 2))
     height, width = image.shape[:2]
     assert len(tilted.xy) > 100
     assert (tilted.xy >= -0.5).all()
@@ -150,7 +151,7 @@ def test_views_of_both_images_bridge_a_strong_tilt(
     blurred = cv2.GaussianBlur(far, (0, 0), sigmaX=2.0, sigmaY=0.01)
     near = np.asarray(cv2.warpPerspective(blurred, squeezed, (width // 4, height)))
     views = ALL_AROUND[0]
-    seen = [(view_keypoints(far, views), view_keypoints(near, views))]
+    seen = [(view_keypoints(MaskedImage(far), views), view_keypoints(MaskedImage(near), views))]
     (found,) = from_views(seen, MAGSAC)
     near_corners = transform(squeezed, outline(width, height))
     error = np.linalg.norm(
@@ -164,4 +165,4 @@ def test_without_keypoints_there_is_no_hypothesis() -> None:
     nothing = Keypoints.of(np.empty((0, 2)), np.empty((0, 128)))
     assert from_views([(nothing, nothing)], MAGSAC) == []
     blank = np.full((60, 80, 3), 90, np.uint8)
-    assert from_views([(view_keypoints(blank, [FRONTAL]),) * 2], MAGSAC) == []
+    assert from_views([(view_keypoints(MaskedImage(blank), [FRONTAL]),) * 2], MAGSAC) == []

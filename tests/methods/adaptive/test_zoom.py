@@ -13,6 +13,7 @@ from nearfar.constants import DEFAULT
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
 from nearfar.geometry.homography import local_scale, outline, transform
+from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.zoom import (
     Matched,
@@ -56,7 +57,7 @@ def test_the_frame_holds_the_near_image_inside_the_far_one(
     centre = np.eye(3)
     centre[:2, 2] = -224.5, -149.5
     truth = similarity(factor, turn, x, y) @ centre
-    found = region(far, near, truth)
+    found = region(MaskedImage(far), MaskedImage(near), truth)
     assert found is not None
     low, high = np.array([-0.5, -0.5]), np.array(found.size) - 0.5
     in_far = transform(truth, outline(450, 300))
@@ -88,12 +89,12 @@ def test_the_frame_holds_the_near_image_inside_the_far_one(
     ids=["right of", "above", "left of", "a few pixels", "behind", "infinity", "nan"],
 )
 def test_no_region_where_the_images_share_nothing(hypothesis: Matrix3) -> None:
-    assert region(grey(400, 600), grey(300, 300), hypothesis) is None
+    assert region(MaskedImage(grey(400, 600)), MaskedImage(grey(300, 300)), hypothesis) is None
 
 
 def test_a_region_where_the_horizon_crosses_the_near_image() -> None:
     crossing = np.array([[1, 0, 0], [0, 1, 0], [-0.01, 0, 1.0]])
-    found = region(grey(400, 600), grey(100, 200), crossing)
+    found = region(MaskedImage(grey(400, 600)), MaskedImage(grey(100, 200)), crossing)
     assert found is not None
     matched = found.matches(0.1)
     assert len(matched.far) == 0
@@ -175,7 +176,7 @@ def test_matches_are_right_where_the_hypothesis_is_a_little_wrong(
     near = photograph(name)
     far, truth = reduced_by_three(near)
     wrong = perturbed(truth, near)
-    found = region(far, near, wrong)
+    found = region(MaskedImage(far), MaskedImage(near), wrong)
     assert found is not None
     matched = found.matches(0.12)
     assert len(matched.far) > 100
@@ -206,7 +207,7 @@ def test_matches_on_a_plane_whose_horizon_is_close(
     four_times = np.array([[4, 0, 1.5], [0, 4, 1.5], [0, 0, 1.0]])
     large = cv2.warpPerspective(near, four_times @ truth, (2400, 1600))
     far = np.asarray(cv2.resize(large, (600, 400), interpolation=cv2.INTER_AREA))
-    found = region(far, near, truth)
+    found = region(MaskedImage(far), MaskedImage(near), truth)
     assert found is not None
     matched = found.matches(0.12)
     assert len(matched.far) > 100
@@ -240,13 +241,15 @@ def test_a_narrow_gate_keeps_out_what_lies_elsewhere(
     far, truth = reduced_by_three(near)
     away = truth.copy()
     away[0, 2] += 60
-    found = region(far, near, away)
+    found = region(MaskedImage(far), MaskedImage(near), away)
     assert found is not None
     assert (errors(found.matches(0.02), truth) < 1).sum() == 0
 
 
 def test_nothing_matches_nothing() -> None:
-    found = region(grey(400, 600), grey(300, 300), similarity(0.3, 0, 100, 100))
+    found = region(
+        MaskedImage(grey(400, 600)), MaskedImage(grey(300, 300)), similarity(0.3, 0, 100, 100)
+    )
     assert found is not None
     assert len(found.matches(0.1).far) == 0
     none = Keypoints(

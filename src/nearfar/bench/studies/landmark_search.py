@@ -18,6 +18,7 @@ from nearfar.bench.datasets.regions import (
 )
 from nearfar.descriptors import DenseDescriptor, Descriptor
 from nearfar.geometry.homography import outline, transform
+from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.overlap import box_overlap, outer_edges, polygon_area, polygon_overlap
 from nearfar.landmarks import cosine_similarity
 from nearfar.methods.adaptive.search import pyramid, search, templates
@@ -139,7 +140,7 @@ class DenseSearch:
 
     def __init__(self, far: RGBPixels, descriptor: DenseDescriptor) -> None:
         start = time.perf_counter()
-        self._pyramid = pyramid(far, descriptor)
+        self._pyramid = pyramid(MaskedImage(far), descriptor)
         self.seconds = time.perf_counter() - start
         self.crops = 0
         self.dimensions = len(self._pyramid.mean)
@@ -151,7 +152,7 @@ class DenseSearch:
 
     def _find(self, near: RGBPixels, box: NDArray[np.int32], far_from_near: Matrix3) -> Found:
         x, y, width, height = map(int, box)
-        sought = templates(near[y : y + height, x : x + width], self._descriptor)
+        sought = templates(MaskedImage(near[y : y + height, x : x + width]), self._descriptor)
         truth = mapped(far_from_near, corners(box))
         answers = search(self._pyramid, sought, (width, height), MOST_ANSWERS)
         own = outline(width, height)

@@ -18,6 +18,7 @@ from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.constants import DEFAULT, AlignmentConstants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, distinct, unit
@@ -38,7 +39,7 @@ class Frame:
 
     def __init__(
         self,
-        near: RGBPixels,
+        near: MaskedImage,
         descriptor: DenseDescriptor,
         far: Pyramid,
         side: int,
@@ -46,7 +47,7 @@ class Frame:
         constants: AlignmentConstants = DEFAULT.alignment,
     ) -> None:
         self._descriptor, self._far, self._constants = descriptor, far, constants
-        reduced, reduced_from_near = resized(near, min(1.0, side / max(near.shape[:2])))
+        reduced, reduced_from_near = resized(near.pixels, min(1.0, side / max(near.size)))
         height, width = reduced.shape[:2]
         margin = 8 * math.ceil(reach / 8) + constants.border
         right, bottom = margin + (-width % 16), margin + (-height % 16)
@@ -56,11 +57,14 @@ class Frame:
         vectors, self._cells = self._described(np.asarray(padded))
         own = self._cells - margin
         covered = ((own >= -0.5) & (own <= [width - 0.5, height - 0.5])).all(axis=1)
+        if near.mask is not None:
+            in_near = transform(np.linalg.inv(self._frame_from_near), self._cells)
+            covered &= usable(near.mask, near.size, in_near)
         self._vectors, self._covered = vectors[covered], np.flatnonzero(covered)
         away = np.linalg.norm(self._cells[covered][:, np.newaxis] - self._cells, axis=2)
         self._penalty = np.where(away > reach, -2, 0).astype(np.float32)
 
-    def aligned(self, far: RGBPixels, hypothesis: Hypothesis) -> Hypothesis | None:
+    def aligned(self, far: MaskedImage, hypothesis: Hypothesis) -> Hypothesis | None:
         """Return the affine transform with most inlier cells; their similarity is its support.
 
         Args:
@@ -95,18 +99,19 @@ class Frame:
         support = float(similarity[agreeing, best[agreeing]].sum()) / len(similarity)
         return Hypothesis(far_from_near, support, "alignment")
 
-    def similarity(self, far: RGBPixels, hypothesis: Hypothesis) -> float:
+    def similarity(self, far: MaskedImage, hypothesis: Hypothesis) -> float:
         """Return the mean similarity of the cells to those where the hypothesis puts them."""
         vectors, _ = self._seen(far, hypothesis.far_from_near)
         return float((self._vectors * vectors[self._covered]).sum(axis=1).mean())
 
-    def _seen(self, far: RGBPixels, far_from_near: Matrix3) -> tuple[NDArray[np.float32], Matrix3]:
+    def _seen(
+        self, far: MaskedImage, far_from_near: Matrix3
+    ) -> tuple[NDArray[np.float32], Matrix3]:
         """Describe the far image in the frame: (N, D) cells, 0 outside it, and frame_from_far."""
         frame_from_far = self._frame_from_near @ np.linalg.inv(far_from_near)
-        vectors, cells = self._described(warped(far, frame_from_far, self._size))
+        vectors, cells = self._described(warped(far.pixels, frame_from_far, self._size))
         own = transform(np.linalg.inv(frame_from_far), cells)
-        height, width = far.shape[:2]
-        vectors[~((own >= 0) & (own <= [width - 1, height - 1])).all(axis=1)] = 0
+        vectors[~usable(far.mask, far.size, own)] = 0
         return vectors, frame_from_far
 
     def _described(self, pixels: RGBPixels) -> tuple[NDArray[np.float32], Coordinates]:
@@ -117,8 +122,8 @@ class Frame:
 
 
 def align(
-    far: RGBPixels,
-    near: RGBPixels,
+    far: MaskedImage,
+    near: MaskedImage,
     sought: Sequence[Hypothesis],
     descriptor: DenseDescriptor,
     features: Pyramid,
@@ -147,12 +152,11 @@ def align(
         moved.sort(key=lambda pair: -pair[0].support)
         found += [_finished(far, *pair, then, constants) for pair in moved[: constants.kept]]
     best = sorted((each for each in found if each is not None), key=lambda each: -each.support)
-    height, width = near.shape[:2]
-    return distinct(best, (width, height), len(best))
+    return distinct(best, near.size, len(best))
 
 
 def _finished(
-    far: RGBPixels,
+    far: MaskedImage,
     start: Hypothesis,
     origin: Hypothesis,
     frames: Sequence[Frame],

@@ -17,6 +17,7 @@ from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import Nearest, nearest_neighbours
 from nearfar.geometry.homography import outline, transform
+from nearfar.imaging.mask import MaskedImage, PixelMask, usable
 from nearfar.landmarks import LandmarkMatches
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
@@ -27,10 +28,12 @@ from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, vie
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
 from nearfar.methods.points import tuned_estimator
-from nearfar.models import Answer, Task
+from nearfar.models import Agreement, Answer, Excluded, Task
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
+from nearfar.verification.agreement import agreement
 from nearfar.verification.confidence import confidence
+from nearfar.verification.overlay import Overlay, excluded_by, shared_overlay
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,18 @@ class AdaptiveFeatures:
 
     pixels: RGBPixels
     keypoints: Keypoints
+    mask: PixelMask | None = None
+
+    @property
+    def image(self) -> MaskedImage:
+        """Return the pixels and their mask."""
+        return MaskedImage(self.pixels, self.mask)
+
+    def masked(self, mask: PixelMask) -> "AdaptiveFeatures":
+        """Return the features without what a mask leaves out, beside what was left out before."""
+        both = mask if self.mask is None else self.mask & mask
+        kept = self.keypoints[usable(both, self.size, self.keypoints.xy)]
+        return AdaptiveFeatures(self.pixels, kept, both)
 
     @property
     def nbytes(self) -> int:
@@ -116,6 +131,30 @@ class Adaptive:
     ) -> Answer:
         """See `Method.localize`."""
         deadline = time.perf_counter() + self._settings.budget
+        excluded: Excluded | None = None
+        pair, best = self._localized(far, near, task, timer, deadline)
+        for _ in range(self._constants.overlay.rounds):
+            overlay = self._overlay(pair, best)
+            if overlay is None:
+                break
+            excluded = excluded_by(overlay, best.far, excluded)
+            far, near = pair.far.masked(overlay.far), pair.near.masked(overlay.near)
+            pair, best = self._localized(far, near, task, timer, deadline)
+        return self._answer(pair, best, excluded)
+
+    def masked(self, features: AdaptiveFeatures, mask: PixelMask) -> AdaptiveFeatures:
+        """Return the features without what a mask leaves out; see `Method`."""
+        return features.masked(mask)
+
+    def _localized(
+        self,
+        far: AdaptiveFeatures,
+        near: AdaptiveFeatures,
+        task: Task,
+        timer: StageTimer,
+        deadline: float,
+    ) -> tuple[_Pair, Attempt]:
+        """Try all steps until one is significant enough; return the best attempt."""
         with timer.stage("point matching"):
             nearest = nearest_neighbours(far.keypoints, near.keypoints)
             ratio = self._constants.points.ratio
@@ -123,18 +162,50 @@ class Adaptive:
         pair = _Pair(far, near, task, timer, nearest, deadline, self._constants)
         best = self._attempt(pair, [points], "points")
         if task.model == "homography":
-            best = self._refined(pair, self._by_homography(pair, best))
-        else:
-            best = self._by_neighbours(pair, best)
+            return pair, self._refined(pair, self._by_homography(pair, best))
+        return pair, self._by_neighbours(pair, best)
+
+    def _answer(self, pair: _Pair, best: Attempt, excluded: Excluded | None) -> Answer:
         return Answer(
             best.far,
             best.near,
             _landmarks(pair),
             best.estimate,
             best.log10_nfa,
-            confidence(task.model, best.log10_nfa),
+            confidence(pair.task.model, best.log10_nfa),
             best.step,
+            self._agreement(pair, best),
+            excluded,
         )
+
+    def _overlay(self, pair: _Pair, best: Attempt) -> Overlay | None:
+        """Return what both pictures share at one place, unless the scene around it agrees too."""
+        if not best.log10_nfa < 0:
+            return None
+        with pair.timer.stage("verification"):
+            inliers = best.estimate.inliers
+            return shared_overlay(
+                pair.far.pixels,
+                pair.near.pixels,
+                best.far[inliers],
+                best.near[inliers],
+                self._constants.overlay,
+            )
+
+    def _agreement(self, pair: _Pair, best: Attempt) -> Agreement | None:
+        """Return the share of the near image that agrees with the far image under a homography."""
+        model = best.estimate.far_from_near
+        if pair.task.model != "homography" or model is None or not np.isfinite(best.log10_nfa):
+            return None
+        with pair.timer.stage("verification"):
+            return agreement(
+                pair.far.image,
+                pair.near.image,
+                np.asarray(model),
+                best.near[best.estimate.inliers],
+                self._descriptor,
+                self._constants.agreement,
+            )
 
     def _by_homography(self, pair: _Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""
@@ -242,12 +313,12 @@ class Adaptive:
             voted = hypotheses(tentative, ladder.from_votes, "votes")
         yield voted[: ladder.votes_before_search]
         with timer.stage("landmark search"):
-            turned = templates(near.pixels, self._descriptor, constants.search)
+            turned = templates(near.image, self._descriptor, constants.search)
             sought = self._search(pair, self._pyramid(far), turned)
         yield sought[: ladder.from_search]
         yield voted[ladder.votes_before_search :]
         with timer.stage("landmark search"):
-            larger = upsampled(self._pyramid(far), far.pixels, self._descriptor, constants.search)
+            larger = upsampled(self._pyramid(far), far.image, self._descriptor, constants.search)
             smallest = self._search(pair, larger, turned)
         yield smallest[: ladder.from_search]
         if pair.task.model != "homography" or not self._may("views"):
@@ -256,14 +327,14 @@ class Adaptive:
             features = self._pyramid(far)
             both = [*sought, *smallest]
             affine = align(
-                far.pixels, near.pixels, both, self._descriptor, features, constants.alignment
+                far.image, near.image, both, self._descriptor, features, constants.alignment
             )
         yield affine[: ladder.from_alignment]
         seen: list[tuple[Keypoints, Keypoints]] = []
         for views in ALL_AROUND:
             with timer.stage("views"):
                 both_seen = [
-                    view_keypoints(each.pixels, views, constants.views) for each in (far, near)
+                    view_keypoints(each.image, views, constants.views) for each in (far, near)
                 ]
                 seen.append((both_seen[0], both_seen[1]))
                 found = from_views(seen, self._local, constants.views)
@@ -291,7 +362,7 @@ class Adaptive:
                 return guided_matches(
                     pair.far.keypoints, pair.near.keypoints, hypothesis.far_from_near, reach, zoom
                 )
-            seen = region(pair.far.pixels, pair.near.pixels, hypothesis.far_from_near, zoom)
+            seen = region(pair.far.image, pair.near.image, hypothesis.far_from_near, zoom)
             return Matched.none() if seen is None else seen.matches(reach)
 
     def _attempt(self, pair: _Pair, sets: list[Matched], step: str) -> Attempt:
@@ -310,7 +381,7 @@ class Adaptive:
     def _pyramid(self, features: AdaptiveFeatures) -> Pyramid:
         found = self._pyramids.get(features)
         if found is None:
-            found = pyramid(features.pixels, self._descriptor, self._constants.search)
+            found = pyramid(features.image, self._descriptor, self._constants.search)
             if found.nbytes <= self._pyramids.maxsize:
                 self._pyramids[features] = found
         return found

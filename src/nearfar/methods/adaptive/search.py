@@ -18,6 +18,7 @@ from nearfar.constants import DEFAULT, SearchConstants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.features.feature_map import FeatureMap
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
@@ -81,40 +82,43 @@ class Template:
 
 
 def pyramid(
-    pixels: RGBPixels, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
+    image: MaskedImage, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
 ) -> Pyramid:
     """Return the feature maps of an image at many scales; none for an image of a few pixels."""
-    height, width = pixels.shape[:2]
+    width, height = image.size
     scales = _scales(height, width, constants)
     middle = scales[len(scales) // 2]
-    mean, basis = _principal_components(pixels, middle, descriptor, constants)
+    mean, basis = _principal_components(image.pixels, middle, descriptor, constants)
     used = scales if basis.size else []
-    levels = [_level(pixels, scale, descriptor, basis) for scale in used]
+    levels = [_level(image, scale, descriptor, basis) for scale in used]
     return Pyramid(levels, mean, basis)
 
 
 def upsampled(
     base: Pyramid,
-    pixels: RGBPixels,
+    image: MaskedImage,
     descriptor: DenseDescriptor,
     constants: SearchConstants = DEFAULT.search,
 ) -> Pyramid:
     """Return the upsampled levels of an image's pyramid; each costs more than that whole one."""
-    height, width = pixels.shape[:2]
+    width, height = image.size
     first, ratio = _scales(height, width, constants)[0], _level_ratio(constants)
     most = math.sqrt(constants.most_enlarged_pixels / (height * width))
     largest = min(constants.largest_enlarged, most)
     steps = range(1, 1 + math.floor(math.log(largest / first, ratio) + 1e-6)) if base.levels else ()
-    levels = [_level(pixels, first * ratio**step, descriptor, base.basis) for step in steps]
+    levels = [_level(image, first * ratio**step, descriptor, base.basis) for step in steps]
     return replace(base, levels=levels)
 
 
 def _level(
-    pixels: RGBPixels, scale: float, descriptor: DenseDescriptor, basis: NDArray[np.float32]
+    image: MaskedImage, scale: float, descriptor: DenseDescriptor, basis: NDArray[np.float32]
 ) -> Level:
-    matrix, features = _features(pixels, scale, descriptor)
+    matrix, features = _features(image.pixels, scale, descriptor)
     own = features.values
     vectors = unit((own - own.mean(axis=(0, 1))) @ basis)
+    if image.mask is not None:
+        cells = transform(np.linalg.inv(matrix), features.centres)
+        vectors[~usable(image.mask, image.size, cells).reshape(own.shape[:2])] = 0
     return Level(matrix, vectors, features.stride)
 
 
@@ -165,13 +169,13 @@ def _band(pixels: RGBPixels, start: int, rows: int, descriptor: DenseDescriptor)
 
 
 def templates(
-    pixels: RGBPixels, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
+    image: MaskedImage, descriptor: DenseDescriptor, constants: SearchConstants = DEFAULT.search
 ) -> list[Template]:
     """Return the reduced image as a template, in every rotation."""
-    reduced, matrix = resized(pixels, constants.template_side / max(pixels.shape[:2]))
+    reduced, matrix = resized(image.pixels, constants.template_side / max(image.size))
     turns = constants.turns
     angles = [360 / turns * turn for turn in range(turns)]
-    return [_template(reduced, matrix, angle, descriptor) for angle in angles]
+    return [_template(image, reduced, matrix, angle, descriptor) for angle in angles]
 
 
 def search(
@@ -220,6 +224,7 @@ def distinct(
 
 
 def _template(
+    image: MaskedImage,
     pixels: RGBPixels,
     template_from_near: Matrix3,
     angle: float,
@@ -234,6 +239,8 @@ def _template(
     own = transform(np.linalg.inv(matrix), features.centres)
     height, width = pixels.shape[:2]
     covered = ((own >= -0.5) & (own <= [width - 0.5, height - 0.5])).all(axis=1)
+    if image.mask is not None:
+        covered &= usable(image.mask, image.size, transform(np.linalg.inv(template_from_near), own))
     return Template(
         features.values.reshape(rows * columns, -1)[covered],
         np.argwhere(covered.reshape(rows, columns)),
@@ -283,7 +290,7 @@ def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDAr
         if abs(down) < rows and abs(right) < columns:
             into = score[max(0, -down) : rows - down, max(0, -right) : columns - right]
             into += cell[max(0, down) : rows + down, max(0, right) : columns + right]
-    score /= len(template.cells)
+    score /= max(1, len(template.cells))
     return score
 
 

@@ -1,4 +1,4 @@
-"""View simulation (Morel and Yu, 2009): tilted views of an image, and their matches."""
+"""MaskedImage simulation (Morel and Yu, 2009): tilted views of an image, and their matches."""
 
 import math
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_fginn, one_match_per_cell
 from nearfar.geometry.homography import outline, transform, translation
+from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.zoom import inside
@@ -89,17 +90,17 @@ def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
 
 
 def view_keypoints(
-    pixels: RGBPixels, views: Sequence[View], constants: ViewConstants = DEFAULT.views
+    image: MaskedImage, views: Sequence[View], constants: ViewConstants = DEFAULT.views
 ) -> Keypoints:
     """Return the keypoints of all simulated views of an image, in pixels of the image itself."""
-    factor = min(1.0, constants.longest_side / max(pixels.shape[:2]))
-    small, small_from_image = resized(pixels, factor)
+    factor = min(1.0, constants.longest_side / max(image.size))
+    small, small_from_image = resized(image.pixels, factor)
     found = []
     for view in views:
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
         points = detect_rootsift(seen, constants.contrast, constants.points_per_view)
-        points = inside(points, view_from_image, pixels)
+        points = inside(points, view_from_image, image)
         places = transform(np.linalg.inv(view_from_image), points.xy)
         found.append(replace(points, xy=places))
     return Keypoints.concatenated(found)

@@ -12,6 +12,7 @@ from nearfar.features.guided import Gate, nearest_within
 from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import Nearest, mutual_by_ratio
 from nearfar.geometry.homography import local_scale, scaling, transform, translation
+from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import warped
 from nearfar.methods.adaptive.votes import Tentative, matches_of
 
@@ -73,16 +74,16 @@ class Region:
     a smaller one where the region would be too long.
 
     Attributes:
-        far_pixels: the far image.
-        near_pixels: the near image.
+        far: the far image.
+        near: the near image.
         frame_from_far: enlarges and shifts.
         frame_from_near: the hypothesis after that.
         size: width and height of the frame.
         constants: of the guided matching.
     """
 
-    far_pixels: RGBPixels
-    near_pixels: RGBPixels
+    far: MaskedImage
+    near: MaskedImage
     frame_from_far: Matrix3
     frame_from_near: Matrix3
     size: tuple[int, int]
@@ -91,13 +92,13 @@ class Region:
     @functools.cached_property
     def far_points(self) -> Keypoints:
         """Return the keypoints of the far image in the frame."""
-        seen = warped(self.far_pixels, self.frame_from_far, self.size)
-        return self._keypoints(seen, self.frame_from_far, self.far_pixels)
+        seen = warped(self.far.pixels, self.frame_from_far, self.size)
+        return self._keypoints(seen, self.frame_from_far, self.far)
 
     @functools.cached_property
     def near_seen(self) -> RGBPixels:
         """Return the near image in the frame."""
-        return warped(self.near_pixels, self.frame_from_near, self.size)
+        return warped(self.near.pixels, self.frame_from_near, self.size)
 
     def matches(self, reach: float) -> Matched:
         """Match keypoints within a gate.
@@ -105,7 +106,7 @@ class Region:
         Args:
             reach: how far from the expected place, as a share of the frame's diagonal.
         """
-        near = self._keypoints(self.near_seen, self.frame_from_near, self.near_pixels)
+        near = self._keypoints(self.near_seen, self.frame_from_near, self.near)
         radius = max(reach * float(np.hypot(*self.size)), self.constants.least_reach)
         found = _matched_within(radius, self.far_points, near, self.constants)
         return Matched(
@@ -116,16 +117,16 @@ class Region:
         )
 
     def _keypoints(
-        self, seen: RGBPixels, frame_from_image: Matrix3, pixels: RGBPixels
+        self, seen: RGBPixels, frame_from_image: Matrix3, image: MaskedImage
     ) -> Keypoints:
         """Detect keypoints in the frame, those on the image alone."""
         found = detect_rootsift(seen, self.constants.contrast, self.constants.most_points)
-        return inside(found, frame_from_image, pixels)
+        return inside(found, frame_from_image, image)
 
 
 def region(
-    far: RGBPixels,
-    near: RGBPixels,
+    far: MaskedImage,
+    near: MaskedImage,
     far_from_near: Matrix3,
     constants: ZoomConstants = DEFAULT.zoom,
 ) -> Region | None:
@@ -137,8 +138,8 @@ def region(
         far_from_near: the hypothesis.
         constants: of the guided matching.
     """
-    height, width = near.shape[:2]
-    far_height, far_width = far.shape[:2]
+    width, height = near.size
+    far_width, far_height = far.size
     grid = _grid(width, height)
     depth = np.column_stack([grid, np.ones(len(grid))]) @ far_from_near[2]
     in_front = depth * np.sign(far_from_near[2, 2]) > 1e-6 * abs(far_from_near[2, 2])
@@ -205,8 +206,7 @@ def _grid(width: int, height: int) -> Coordinates:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def inside(points: Keypoints, seen_from_image: Matrix3, pixels: RGBPixels) -> Keypoints:
-    """Keep the keypoints of a warped image that lie on the image, not beyond its border."""
+def inside(points: Keypoints, seen_from_image: Matrix3, image: MaskedImage) -> Keypoints:
+    """Keep the keypoints of a warped image that lie on pixels of the image that may be used."""
     own = transform(np.linalg.inv(seen_from_image), points.xy)
-    height, width = pixels.shape[:2]
-    return points[np.all((own >= 0) & (own <= [width - 1, height - 1]), axis=1)]
+    return points[usable(image.mask, image.size, own)]

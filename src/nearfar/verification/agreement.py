@@ -1,0 +1,132 @@
+"""Agreement: does the rest of the near image look like what lies under its footprint?
+
+Point matches that agree on a homography may all lie on one small thing that both pictures share.
+Agreement is evidence that did not produce the homography: the dense features of the whole near
+image, compared in its frame with the features of the far image where the homography puts them.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.constants import AgreementConstants
+from nearfar.descriptors import DenseDescriptor
+from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.mask import MaskedImage, usable
+from nearfar.imaging.warp import resized, warped
+from nearfar.models import Agreement
+
+
+def agreement(
+    far: MaskedImage,
+    near: MaskedImage,
+    far_from_near: Matrix3,
+    inliers: Coordinates,
+    descriptor: DenseDescriptor,
+    constants: AgreementConstants,
+) -> Agreement | None:
+    """Return the share of the near image's cells that agree with the far image.
+
+    A cell agrees where it is more similar to what lies where the homography puts it than to nearly
+    all cells around that place.
+
+    Args:
+        far: the far image.
+        near: the near image.
+        far_from_near: maps near to far pixels.
+        inliers: (N, 2) near points of the matches that the homography was fitted to.
+        descriptor: describes the cells.
+        constants: of the comparison.
+
+    Returns:
+        None where both images show too few of the cells to say.
+    """
+    small, small_from_near = resized(near.pixels, min(1.0, constants.side / max(near.size)))
+    height, width = small.shape[:2]
+    margin = constants.margin
+    right, bottom = margin + (-width % 16), margin + (-height % 16)
+    padded = cv2.copyMakeBorder(small, margin, bottom, margin, right, cv2.BORDER_REFLECT_101)
+    frame_from_near = translation(margin, margin) @ small_from_near
+    size = padded.shape[1], padded.shape[0]
+    frame_from_far = frame_from_near @ np.linalg.inv(far_from_near)
+    near_map = descriptor.feature_map(np.asarray(padded))
+    far_map = descriptor.feature_map(warped(far.pixels, frame_from_far, size))
+    grid = near_map.values.shape[:2]
+    in_near, in_far = (
+        transform(np.linalg.inv(matrix), near_map.centres)
+        for matrix in (frame_from_near, frame_from_far)
+    )
+    own = usable(near.mask, near.size, in_near).reshape(grid)
+    seen = usable(far.mask, far.size, in_far).reshape(grid)
+    rank, compared = _rank(
+        _centred(near_map.values, own), _centred(far_map.values, seen), seen, constants
+    )
+    shown = own & seen & (compared >= constants.least_around)
+    agrees = rank <= constants.best_share * compared
+    if shown.sum() < constants.least_cells:
+        return None
+    away = shown.copy()
+    if len(inliers):
+        apart = near_map.centres[:, np.newaxis] - transform(frame_from_near, inliers)
+        away &= (np.linalg.norm(apart, axis=2).min(axis=1) > constants.away).reshape(grid)
+    enough = away.sum() >= constants.least_cells
+    return Agreement(float(agrees[shown].mean()), float(agrees[away].mean()) if enough else None)
+
+
+def _centred(values: NDArray[np.float32], used: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Subtract the mean of the used cells and scale each cell to unit length."""
+    if not used.any():
+        return np.zeros_like(values)
+    away = values - values[used].mean(axis=0)
+    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-6))
+
+
+def _rank(
+    near: NDArray[np.float32],
+    far: NDArray[np.float32],
+    seen: NDArray[np.bool_],
+    constants: AgreementConstants,
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rank each cell's similarity at its place among its similarities to cells around.
+
+    Returns:
+        (rows, columns) number of cells around that are at least as similar as the best one within
+        one cell, and number of cells around that the far image shows.
+    """
+    offsets = range(-constants.outer, constants.outer + 1)
+    best = np.full(seen.shape, -np.inf, np.float32)
+    around = []
+    for down in offsets:
+        for right in offsets:
+            distance = np.hypot(down, right)
+            if max(abs(down), abs(right)) <= 1:
+                best = np.maximum(best, _similarity(near, far, seen, down, right))
+            elif constants.inner <= distance <= constants.outer + 0.5:
+                around.append(_similarity(near, far, seen, down, right))
+    ring = np.array(around)
+    shown = np.isfinite(ring)
+    return (shown & (ring >= best)).sum(axis=0), shown.sum(axis=0)
+
+
+def _similarity(
+    near: NDArray[np.float32],
+    far: NDArray[np.float32],
+    seen: NDArray[np.bool_],
+    down: int,
+    right: int,
+) -> NDArray[np.float32]:
+    """Return cosines of near cells with far cells at an offset; -inf where these are unseen."""
+    rows, columns = seen.shape
+    found = np.full(seen.shape, -np.inf, np.float32)
+    own = (
+        slice(max(0, -down), rows - max(0, down)),
+        slice(max(0, -right), columns - max(0, right)),
+    )
+    other = (
+        slice(max(0, down), rows - max(0, -down)),
+        slice(max(0, right), columns - max(0, -right)),
+    )
+    cosine = (near[own] * far[other]).sum(axis=-1)
+    found[own] = np.where(seen[other], cosine, -np.inf)
+    return found
