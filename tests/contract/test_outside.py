@@ -1,15 +1,18 @@
 """Plug-ins of other packages on the command line: by their place, and by an entry point."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.conftest import KnownPair
+from tests.contract.distribution import (
+    nearfar,
+    write_entry_points,
+    write_modules,
+    write_two_pairs,
+)
 
 PLUGINS = '''
 import numpy as np
@@ -131,35 +134,14 @@ class NoKeypoints(Kaze):
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A folder for PYTHONPATH that holds the module `mine_plugins`."""
-    folder = tmp_path / "site"
-    folder.mkdir()
-    (folder / "mine_plugins.py").write_text(PLUGINS)
-    (folder / "mine_points.py").write_text(POINTS)
-    return folder
+    """A folder for PYTHONPATH that holds the plug-ins."""
+    return write_modules(tmp_path / "site", {"mine_plugins": PLUGINS, "mine_points": POINTS})
 
 
 @pytest.fixture
 def installed(package: Path) -> Path:
-    """The same folder, as a distribution with an entry point."""
-    about = package / "mine-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(
-        "[nearfar.plugins]\nmine = mine_plugins\npoints = mine_points\n"
-    )
-    return package
-
-
-def nearfar(package: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join([str(package), os.environ.get("PYTHONPATH", "")])
-    return subprocess.run(
-        [sys.executable, "-m", "nearfar", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": path},
-    )
+    """The same folder, as a distribution with entry points."""
+    return write_entry_points(package, "mine", ["mine_plugins", "mine_points"])
 
 
 @pytest.mark.parametrize(
@@ -246,17 +228,10 @@ def test_a_wrong_number_of_flags_is_one_line(
 
 
 def test_workers_know_them(installed: Path, known_files: tuple[Path, Path], tmp_path: Path) -> None:
-    far, near = known_files
-    points = [[100, 100], [400, 100], [400, 400], [100, 400]]
-    for name in ("a", "b"):
-        folder = tmp_path / "pairs" / name
-        folder.mkdir(parents=True)
-        pair: dict[str, object] = {"far": str(far), "near": str(near), "model": "homography"}
-        pair |= {"far_points": points, "near_points": points}
-        (folder / "pair.json").write_text(json.dumps(pair))
+    pairs = write_two_pairs(tmp_path / "pairs", *known_files)
     out = tmp_path / "run"
     options = ["--method", "mine", "--jobs", "2", "--out", out]
-    ran = nearfar(installed, "bench", "pairs", tmp_path / "pairs", *options)
+    ran = nearfar(installed, "bench", "pairs", pairs, *options)
     assert ran.returncode == 0, ran.stderr
     rows = [json.loads(line) for line in (out / "pairs.jsonl").read_text().splitlines()]
     assert [row["status"] for row in rows] == ["localized", "localized"]

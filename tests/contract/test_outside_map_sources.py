@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from nearfar.arrays import RGBPixels
-from tests.contract.test_outside import nearfar
+from tests.contract.distribution import nearfar, write_entry_points, write_modules
 from tests.maps.conftest import write
 
 pytest.importorskip("lancedb")
@@ -57,13 +57,8 @@ class Broken(Centres):
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """A distribution whose entry point is one module with a map source."""
-    folder = tmp_path / "site"
-    about = folder / "centres-1.0.dist-info"
-    about.mkdir(parents=True)
-    (folder / "centre_list.py").write_text(SOURCE)
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: centres\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[nearfar.plugins]\ncentres = centre_list\n")
-    return folder
+    folder = write_modules(tmp_path / "site", {"centre_list": SOURCE})
+    return write_entry_points(folder, "centres", ["centre_list"])
 
 
 @pytest.fixture

@@ -5,7 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.contract.test_outside import nearfar
+from tests.contract.distribution import (
+    nearfar,
+    write_entry_points,
+    write_modules,
+    write_two_pairs,
+)
 
 STUDY = '''
 import time
@@ -46,27 +51,14 @@ class NotJSON(Matches):
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """A distribution whose entry point is one module with a study."""
-    folder = tmp_path / "site"
-    about = folder / "studies-1.0.dist-info"
-    about.mkdir(parents=True)
-    (folder / "my_studies.py").write_text(STUDY)
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: studies\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[nearfar.plugins]\nstudies = my_studies\n")
-    return folder
+    folder = write_modules(tmp_path / "site", {"my_studies": STUDY})
+    return write_entry_points(folder, "studies", ["my_studies"])
 
 
 @pytest.fixture
 def pairs(tmp_path: Path, known_files: tuple[Path, Path]) -> Path:
     """Two pairs, named a and b."""
-    far, near = known_files
-    points = [[100, 100], [400, 100], [400, 400], [100, 400]]
-    for name in ("a", "b"):
-        folder = tmp_path / "pairs" / name
-        folder.mkdir(parents=True)
-        pair: dict[str, object] = {"far": str(far), "near": str(near), "model": "homography"}
-        pair |= {"far_points": points, "near_points": points}
-        (folder / "pair.json").write_text(json.dumps(pair))
-    return tmp_path / "pairs"
+    return write_two_pairs(tmp_path / "pairs", *known_files)
 
 
 def rows(file: Path) -> list[dict[str, object]]:
