@@ -93,7 +93,7 @@ def test_acceptance_obeys_its_constants(constants: Constants, known_pair: KnownP
 def test_results_record_constants_that_differ_from_version_0_1_0() -> None:
     usual = Settings()
     assert "constants" not in settings_table(Settings(method="sift"))
-    assert set(settings_table(usual)["constants"]) == {"agreement", "overlay"}
+    assert set(settings_table(usual)["constants"]) == {"agreement", "overlay", "ambiguity"}
     for step in fields(Constants):
         own = getattr(DEFAULT, step.name)
         name = fields(own)[0].name

@@ -75,7 +75,7 @@ def test_what_is_read_back_is_the_same(found: Localization) -> None:
 @given(localizations(), st.data())
 def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
     content = found.to_dict()
-    optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded"}
+    optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded", "alternatives"}
     del content[data.draw(st.sampled_from(sorted(set(content) - optional)))]
     with pytest.raises(LocalizationError, match="to_dict"):
         Localization.from_dict(content)

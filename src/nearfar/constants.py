@@ -10,7 +10,7 @@ from typing import Any
 
 DIGEST_OF_0_1_0 = "e8eccb9b0d39"
 """Hash of the constants of version 0.1.0, which its results do not record."""
-ADDED = ("agreement", "overlay")
+ADDED = ("agreement", "overlay", "ambiguity")
 """Steps that version 0.1.0 did not have."""
 
 
@@ -250,6 +250,32 @@ class AgreementConstants:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AmbiguityConstants:
+    """Ambiguity: other places of the far image that the near image fits nearly as well."""
+
+    contrast: float = 0.02
+    """SIFT's contrast threshold in the near image, reduced to the scale of the far one."""
+    least_factor: float = 0.7
+    """Scale of the far over the near image above which the near image is not reduced."""
+    most_points: int = 300
+    """Keypoints of the near image, those of the highest contrast."""
+    neighbours: int = 10
+    """Similar far keypoints that each votes with: as many equal places are seen."""
+    most_distance: float = 0.35
+    """Squared distance of RootSIFT descriptors below which keypoints are similar."""
+    least_own: int = 8
+    """Keypoints that agree with the answer itself below which nothing is said."""
+    most: int = 12
+    """Places that are compared."""
+    least_distance: float = 0.15
+    """Distance of an alternative from the answer, as a share of the footprint's diagonal."""
+    least_agreement: float = 0.85
+    """Agreement of an alternative, as a share of the answer's."""
+    least_score: float = 0.6
+    """Keypoints that agree with an alternative, as a share of those that agree with the answer."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class OverlayConstants:
     """Static overlays: what both pictures share at the same place of the picture."""
 
@@ -296,6 +322,7 @@ class Constants:
     acceptance: AcceptanceConstants = AcceptanceConstants()
     agreement: AgreementConstants = AgreementConstants()
     overlay: OverlayConstants = OverlayConstants()
+    ambiguity: AmbiguityConstants = AmbiguityConstants()
 
     def for_features(self) -> dict[str, Any]:
         """Return the values that features of an image depend on."""

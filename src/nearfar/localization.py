@@ -15,7 +15,7 @@ from nearfar.errors import ImageError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
-from nearfar.models import MODEL_KINDS, Excluded, ModelKind
+from nearfar.models import MODEL_KINDS, Alternative, Excluded, ModelKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +72,8 @@ class Localization:
             homography puts it, which the matches had no part in; None where it is not known.
         excluded: what was left out as an overlay that both pictures share, boxes in pixels of the
             original images; None where nothing was.
+        alternatives: other places that explain the near image nearly as well, best first,
+            homographies between the original images; the confidence is shared among all.
         far: path and size of the far image.
         near: path and size of the near image.
     """
@@ -94,6 +96,7 @@ class Localization:
     near: ImageInfo
     agreement: float | None = None
     excluded: Excluded | None = None
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def localized(self) -> bool:
@@ -118,6 +121,10 @@ class Localization:
             "step": self.step,
             "agreement": self.agreement,
             "excluded": None if self.excluded is None else _excluded_as_dict(self.excluded),
+            "alternatives": [
+                {"homography": each.far_from_near.tolist(), "score": each.score}
+                for each in self.alternatives
+            ],
             "descriptor": self.descriptor,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),
@@ -168,6 +175,10 @@ class Localization:
                 near=_read_info(content["near"]),
                 agreement=_number(content.get("agreement")),
                 excluded=_read_excluded(content.get("excluded")),
+                alternatives=tuple(
+                    Alternative(_array(each["homography"], (3, 3)), float(each["score"]))
+                    for each in content.get("alternatives", ())
+                ),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise LocalizationError(

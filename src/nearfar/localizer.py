@@ -25,7 +25,7 @@ from nearfar.imaging.mask import MaskSource
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
-from nearfar.models import MODEL_KINDS, Answer, Excluded, ModelKind, Task
+from nearfar.models import MODEL_KINDS, Alternative, Answer, Excluded, ModelKind, Task
 from nearfar.proposals import PROPOSERS, scaled_boxes
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
@@ -211,6 +211,7 @@ class Localizer:
             step=answer.step,
             agreement=None if answer.agreement is None else answer.agreement.share,
             excluded=None if answer.excluded is None else _excluded(answer.excluded, far, near),
+            alternatives=tuple(_alternative(each, far, near) for each in answer.alternatives),
             descriptor=self.descriptor,
             far=far.info,
             near=near.info,
@@ -257,6 +258,12 @@ def _reason(answer: Answer) -> str | None:
     if reason is None or answer.excluded is None:
         return reason
     return f"{reason}; {answer.excluded.matches} matches lie on an overlay that both pictures share"
+
+
+def _alternative(alternative: Alternative, far: Image, near: Image) -> Alternative:
+    """Return an alternative in pixels of the original images."""
+    model = _in_original_pixels(alternative.far_from_near, "homography", far, near)
+    return Alternative(np.asarray(model), alternative.score)
 
 
 def _excluded(excluded: Excluded, far: Image, near: Image) -> Excluded:

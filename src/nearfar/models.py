@@ -76,6 +76,19 @@ def failure(matches: int, threshold: float, reason: str) -> Estimate:
 LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
 
 
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another place that explains the near image nearly as well.
+
+    Attributes:
+        far_from_near: homography, near to far pixels.
+        score: keypoints that agree with it, as a share of those that agree with the answer.
+    """
+
+    far_from_near: Matrix3
+    score: float
+
+
 @dataclass(frozen=True)
 class Agreement:
     """How much of the near image looks like the far image where a homography puts it.
@@ -120,6 +133,8 @@ class Answer:
         agreement: share of the near image whose features agree with the far image where the
             homography puts it; None where that is not known.
         excluded: what was left out as an overlay; None where nothing was.
+        alternatives: other places that explain the near image nearly as well; the confidence is
+            shared among all.
     """
 
     far: Coordinates
@@ -131,3 +146,4 @@ class Answer:
     step: str | None = None
     agreement: Agreement | None = None
     excluded: Excluded | None = None
+    alternatives: tuple[Alternative, ...] = ()

@@ -95,6 +95,8 @@ def _text(found: Localization, saved: list[Path]) -> str:
         lines.append(f"confidence: {found.confidence:.2f}{decided}")
     if found.excluded is not None:
         lines.append(f"left out: {found.excluded.matches} matches on an overlay of both pictures")
+    if found.alternatives:
+        lines.append(f"alternatives: {len(found.alternatives)} other places fit nearly as well")
     if found.scale_change is not None:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:

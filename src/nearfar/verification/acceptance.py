@@ -44,6 +44,10 @@ def accepted(
         reason = "too few to exclude chance (--max-false-alarms)"
     elif confidence is not None and confidence < settings.min_confidence:
         reason = f"with a confidence of only {confidence:.2f} (--min-confidence)"
+        if answer.alternatives:
+            reason = (
+                f"but {len(answer.alternatives)} other places fit the near image nearly as well"
+            )
     elif answer.agreement is not None and _disagrees(answer.agreement, settings):
         share = answer.agreement.share
         reason = f"but only {share:.0%} of the near image looks like the far image there"

@@ -8,7 +8,7 @@ import numpy as np
 from cachetools import LRUCache
 from numpy.typing import NDArray
 
-from nearfar.arrays import RGBPixels
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.constants import Constants
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.errors import SettingsError
@@ -21,6 +21,7 @@ from nearfar.imaging.mask import MaskedImage, PixelMask, usable
 from nearfar.landmarks import LandmarkMatches
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
+from nearfar.methods.adaptive.ambiguity import alternatives
 from nearfar.methods.adaptive.attempt import Attempt, attempt
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
@@ -28,12 +29,14 @@ from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, vie
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
 from nearfar.methods.points import tuned_estimator
-from nearfar.models import Agreement, Answer, Excluded, Task
+from nearfar.models import Agreement, Alternative, Answer, Excluded, Task
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 from nearfar.verification.agreement import agreement
 from nearfar.verification.confidence import confidence
 from nearfar.verification.overlay import Overlay, excluded_by, shared_overlay
+
+NO_POINTS = np.empty((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,16 +169,20 @@ class Adaptive:
         return pair, self._by_neighbours(pair, best)
 
     def _answer(self, pair: _Pair, best: Attempt, excluded: Excluded | None) -> Answer:
+        agrees = self._agreement(pair, best)
+        others = () if agrees is None else self._alternatives(pair, best, agrees)
+        shared = 1 + sum(each.score for each in others)
         return Answer(
             best.far,
             best.near,
             _landmarks(pair),
             best.estimate,
             best.log10_nfa,
-            confidence(pair.task.model, best.log10_nfa),
+            confidence(pair.task.model, best.log10_nfa) / shared,
             best.step,
-            self._agreement(pair, best),
+            agrees,
             excluded,
+            others,
         )
 
     def _overlay(self, pair: _Pair, best: Attempt) -> Overlay | None:
@@ -198,14 +205,38 @@ class Adaptive:
         if pair.task.model != "homography" or model is None or not np.isfinite(best.log10_nfa):
             return None
         with pair.timer.stage("verification"):
-            return agreement(
-                pair.far.image,
+            return self._compared(pair, np.asarray(model), best.near[best.estimate.inliers])
+
+    def _compared(
+        self, pair: _Pair, far_from_near: Matrix3, inliers: Coordinates
+    ) -> Agreement | None:
+        far, near = pair.far.image, pair.near.image
+        limits = self._constants.agreement
+        return agreement(far, near, far_from_near, inliers, self._descriptor, limits)
+
+    def _alternatives(
+        self, pair: _Pair, best: Attempt, agrees: Agreement
+    ) -> tuple[Alternative, ...]:
+        """Return other places that explain the near image nearly as well as the best attempt."""
+        if not best.log10_nfa < 0:
+            return ()
+        constants = self._constants.ambiguity
+        with pair.timer.stage("verification"):
+            found = alternatives(
+                pair.far.keypoints,
                 pair.near.image,
-                np.asarray(model),
-                best.near[best.estimate.inliers],
-                self._descriptor,
-                self._constants.agreement,
+                pair.near.keypoints,
+                np.asarray(best.estimate.far_from_near),
+                constants,
+                self._constants.votes,
             )
+            compared = [self._compared(pair, each.far_from_near, NO_POINTS) for each in found]
+        least = constants.least_agreement * agrees.share
+        return tuple(
+            each
+            for each, other in zip(found, compared, strict=True)
+            if other is not None and other.share >= least
+        )
 
     def _by_homography(self, pair: _Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""

@@ -1,0 +1,102 @@
+"""Ambiguity: other places of the far image that the near image fits nearly as well.
+
+Equal windows, arches, bricks or several copies of one object give several homographies of the same
+quality. The near image is reduced to the scale of the far one. Each of its keypoints votes with all
+far keypoints that are similar to it, not with the nearest one alone, so that equal places get equal
+votes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.constants import AmbiguityConstants, VoteConstants
+from nearfar.features.detection import detect_rootsift
+from nearfar.features.keypoints import Keypoints
+from nearfar.features.matching import negative_squared_distance
+from nearfar.geometry.homography import local_scale, outline, transform
+from nearfar.imaging.mask import MaskedImage
+from nearfar.imaging.warp import resized
+from nearfar.methods.adaptive.votes import Tentative, hypotheses, matches_of
+from nearfar.methods.adaptive.zoom import inside
+from nearfar.models import Alternative
+
+
+def alternatives(
+    far: Keypoints,
+    near: MaskedImage,
+    near_keypoints: Keypoints,
+    far_from_near: Matrix3,
+    constants: AmbiguityConstants,
+    votes: VoteConstants,
+) -> tuple[Alternative, ...]:
+    """Return other places that explain the near image nearly as well as a homography.
+
+    Args:
+        far: keypoints of the far image.
+        near: the near image.
+        near_keypoints: its keypoints at its own scale.
+        far_from_near: the homography.
+        constants: of the comparison.
+        votes: constants of the votes.
+    """
+    width, height = near.size
+    middle = np.array([width - 1, height - 1]) / 2
+    factor = local_scale(far_from_near, middle)
+    if factor > constants.least_factor:
+        best = np.argsort(-near_keypoints.score, kind="stable")[: constants.most_points]
+        points = near_keypoints[best]
+    else:
+        points = _reduced_keypoints(near, factor, constants)
+    matches = _similar(far, points, constants)
+    own = _agreeing(matches, far_from_near, votes)
+    if own < constants.least_own:
+        return ()
+    corners = outline(width, height)
+    centre = transform(far_from_near, middle[np.newaxis])[0]
+    diagonal = float(np.linalg.norm(np.ptp(transform(far_from_near, corners), axis=0)))
+    found = []
+    for each in hypotheses(replace(matches, constants=votes), constants.most, "votes"):
+        away = np.linalg.norm(transform(each.far_from_near, middle[np.newaxis])[0] - centre)
+        score = _agreeing(matches, each.far_from_near, votes) / own
+        if away > constants.least_distance * diagonal and score >= constants.least_score:
+            found.append(Alternative(each.far_from_near, min(1.0, score)))
+    return tuple(sorted(found, key=lambda each: -each.score))
+
+
+def _reduced_keypoints(
+    near: MaskedImage, factor: float, constants: AmbiguityConstants
+) -> Keypoints:
+    """Detect keypoints of the near image at the scale of the far one, in near pixels."""
+    small, small_from_near = resized(near.pixels, factor)
+    points = detect_rootsift(small, constants.contrast, constants.most_points)
+    points = inside(points, small_from_near, near)
+    return replace(points, xy=transform(np.linalg.inv(small_from_near), points.xy))
+
+
+def _similar(far: Keypoints, near: Keypoints, constants: AmbiguityConstants) -> Tentative:
+    """Match each near keypoint with its nearest neighbours among the far ones, if similar."""
+    if not len(far) or not len(near):
+        return matches_of(far, near, np.empty((0, 2), np.intp), np.empty(0))
+    similarity = negative_squared_distance(near.descriptors, far.descriptors)
+    count = min(constants.neighbours, len(far))
+    nearest = np.argpartition(-similarity, count - 1, axis=1)[:, :count]
+    distance = -np.take_along_axis(similarity, nearest, axis=1)
+    rows, columns = np.nonzero(distance < constants.most_distance)
+    pairs = np.column_stack([nearest[rows, columns], rows])
+    weight = 1 - distance[rows, columns].astype(np.float64)
+    return matches_of(far, near, pairs, weight)
+
+
+def _agreeing(matches: Tentative, far_from_near: Matrix3, votes: VoteConstants) -> int:
+    """Return how many near points have a match where a transform puts them."""
+    if not len(matches):
+        return 0
+    errors = _distance(transform(far_from_near, matches.near), matches.far)
+    return len(np.unique(matches.near[errors < votes.least_tolerance], axis=0))
+
+
+def _distance(one: Coordinates, other: Coordinates) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.norm(one - other, axis=1))
