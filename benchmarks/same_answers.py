@@ -28,8 +28,8 @@ from PIL import Image
 
 RENAMED = {"log10_false_alarms": "log10_nfa"}
 """Keys of JSON objects that have a new name: old -> new."""
-IGNORED = {"nearfar", "seconds"}
-"""Keys of JSON objects that are not compared: the version and the times."""
+IGNORED = {"nearfar", "seconds", "modified"}
+"""Keys of JSON objects that are not compared: the version, and times of work and of files."""
 
 METHODS: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("adaptive", "sift", "sift-ratio", "sift-tuned", "akaze", "orb")},

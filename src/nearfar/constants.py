@@ -238,11 +238,13 @@ class AgreementConstants:
     """Least distance of the cells around that a cell is ranked among, in cells of 8 pixels."""
     outer: int = 4
     """Largest such distance, in cells."""
-    away: float = 16.0
+    away: float = 24.0
     """Pixels of the frame from the nearest inlier beyond which cells are also counted alone."""
-    least_away: float = 0.2
+    least_away: float = 0.18
     """Share of these that agree below which a homography is refused; the lowest correct one has
-    0.28."""
+    0.22..."""
+    sure: float = 0.6
+    """...unless so many of all cells agree."""
     least_around: int = 8
     """Cells around that the far image must show."""
     best_share: float = 0.05
@@ -283,6 +285,8 @@ class OverlayConstants:
     """Far pixels by which a match may miss the same place of the picture."""
     least_share: float = 0.5
     """Share of the inliers at the same place from which an overlay is looked for."""
+    least_agreement: float = 0.5
+    """Agreement outside the common pixels from which the scene is the same."""
     least_correlated: float = 0.4
     """Share of the blocks outside the common pixels whose correlation is above 0.5, from which the
     scene is the same."""

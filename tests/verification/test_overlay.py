@@ -135,6 +135,7 @@ def test_an_overlay_is_found_at_each_border() -> None:
         moved = at + np.array([x, y]) - shift
         found = shared_overlay(one, other, moved, at, DEFAULT.overlay)
         assert found is not None
+        assert not found.same_scene
         assert not found.far[y + 10 : y + 30, x + 10 : x + 70].any()
         assert found.far.mean() > 0.9
         assert found.near.mean() > 0.9

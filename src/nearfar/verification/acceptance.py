@@ -73,7 +73,7 @@ def _disagrees(found: Agreement, settings: Settings) -> bool:
     """Return whether too little of the near image agrees, in all or away from the inliers."""
     limits = settings.constants.agreement
     away = found.away is not None and found.away < limits.least_away
-    return found.share < limits.least or away
+    return found.share < limits.least or (away and found.share < limits.sure)
 
 
 def _underdetermined(

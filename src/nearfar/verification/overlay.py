@@ -27,11 +27,14 @@ class Overlay:
         far_from_near: the scale and shift under which they share it.
         far: True where pixels of the far image do not belong to it.
         near: the same of the near image.
+        same_scene: whether the textured blocks beside it correlate, or are few. Then it is no
+            overlay, but one picture or a camera that stood still, if the features agree as well.
     """
 
     far_from_near: Matrix3
     far: PixelMask
     near: PixelMask
+    same_scene: bool
 
 
 def shared_overlay(
@@ -51,8 +54,7 @@ def shared_overlay(
         constants: of the search for overlays.
 
     Returns:
-        None where the inliers lie elsewhere, or where the scene outside the overlay agrees too: the
-        same picture, or a camera that stands still.
+        None where the inliers lie elsewhere.
     """
     if len(far) < 2:
         return None
@@ -75,12 +77,12 @@ def shared_overlay(
     common = cv2.dilate(common, np.ones((side, side), np.uint8))
     kernel = np.ones((constants.cell, constants.cell), np.uint8)
     near_mask = cv2.erode(near_mask & (1 - common), kernel, borderValue=1)
-    if _same_scene(seen, near_pixels, near_mask, constants):
-        return None
+    same_scene = _same_scene(seen, near_pixels, near_mask, constants)
     far_mask = cv2.warpPerspective(
         near_mask, far_from_near, far_size, flags=cv2.INTER_NEAREST, borderValue=1
     )
-    return Overlay(far_from_near, np.asarray(far_mask > 0), np.asarray(near_mask > 0))
+    masks = np.asarray(far_mask > 0), np.asarray(near_mask > 0)
+    return Overlay(far_from_near, *masks, same_scene)
 
 
 def excluded_by(overlay: Overlay, far: Coordinates, before: Excluded | None) -> Excluded:

@@ -191,13 +191,17 @@ class Adaptive:
             return None
         with pair.timer.stage("verification"):
             inliers = best.estimate.inliers
-            return shared_overlay(
-                pair.far.pixels,
-                pair.near.pixels,
-                best.far[inliers],
-                best.near[inliers],
-                self._constants.overlay,
+            limits = self._constants.overlay
+            found = shared_overlay(
+                pair.far.pixels, pair.near.pixels, best.far[inliers], best.near[inliers], limits
             )
+            if found is None or not found.same_scene:
+                return found
+            beside = replace(
+                pair, far=pair.far.masked(found.far), near=pair.near.masked(found.near)
+            )
+            rest = self._compared(beside, found.far_from_near, NO_POINTS)
+        return None if rest is None or rest.share >= limits.least_agreement else found
 
     def _agreement(self, pair: _Pair, best: Attempt) -> Agreement | None:
         """Return the share of the near image that agrees with the far image under a homography."""
