@@ -123,7 +123,8 @@ def test_chance_can_be_accepted_as_in_the_paper(photograph: Any) -> None:
 
 def test_json_and_pictures_are_written(known_pair: KnownPair, tmp_path: Path) -> None:
     found = nearfar.localize(known_pair.far, known_pair.near, method="sift")
-    files = save_localization(found, tmp_path / "new" / "folder")
+    images = known_pair.far, known_pair.near
+    files = save_localization(found, tmp_path / "new" / "folder", images=images)
     content = json.loads((tmp_path / "new" / "folder" / "localization.json").read_text())
     assert content == json.loads(found.to_json())
     assert content["far"] == {"path": None, "width": 640, "height": 480}

@@ -248,7 +248,7 @@ def test_a_broken_one_is_one_line(installed: Path) -> None:
     (installed / "mine_plugins.py").write_text("import missing_module_of_mine")
     ran = nearfar(installed, "list")
     assert ran.returncode == 2
-    assert "the plug-in 'mine' (mine_plugins) cannot be imported" in ran.stderr
+    assert "the plug-in 'mine_plugins' (mine_plugins) cannot be imported" in ran.stderr
     assert "Traceback" not in ran.stderr
 
 

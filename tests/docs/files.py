@@ -44,6 +44,10 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
     for name, pixels in {**views, "overview": pair.far, "closeup": pair.near}.items():
         for suffix in ("jpg", "png"):
             write(folder / f"{name}.{suffix}", pixels)
+    for name in ("far", "near"):
+        mask = np.full_like(views[name], 255)
+        mask[:20, :40] = 0
+        write(folder / f"{name}-mask.png", mask)
     _write_cameras(folder)
     _write_photographs(folder, load, pair, views)
     _write_rasters(folder, pair, views)
