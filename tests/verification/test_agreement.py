@@ -86,3 +86,13 @@ def test_a_real_shared_logo_is_not_a_place(extra_data: Path) -> None:
     folder = extra_data / "cases/localized-without-outline"
     found = Localizer(max_effort="landmarks").localize(folder / "far.png", folder / "near.png")
     assert not found.localized
+
+
+def test_every_model_is_accepted_where_that_is_asked(
+    photograph: Callable[[str], RGBPixels], known_pair: KnownPair
+) -> None:
+    far, near = photograph("chelsea").copy(), photograph("coffee").copy()
+    logo = known_pair.near[100:180, 150:290]
+    far[110:190, 150:290], near[170:250, 240:380] = logo, logo
+    every = Localizer(max_effort="points", max_false_alarms=float("inf"), min_confidence=0)
+    assert every.localize(far, near).localized

@@ -48,12 +48,12 @@ def accepted(
             reason = (
                 f"but {len(answer.alternatives)} other places fit the near image nearly as well"
             )
+    elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
+        return answer
     elif answer.agreement is not None and _disagrees(answer.agreement, settings):
         share = answer.agreement.share
         reason = f"but only {share:.0%} of the near image looks like the far image there"
         confidence = None if confidence is None else 0.0
-    elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
-        return answer
     else:
         far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
         underdetermined = _underdetermined(
