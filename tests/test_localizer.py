@@ -11,8 +11,8 @@ import pytest
 import nearfar
 from nearfar import Localization, Localizer, SettingsError, read_image
 from nearfar.arrays import Matrix3
+from nearfar.coordinates import boxes_in_original_pixels
 from nearfar.geometry.homography import footprint
-from nearfar.localizer import _boxes_in_original_pixels
 from nearfar.render import save_localization
 from tests.conftest import KnownPair
 
@@ -150,7 +150,7 @@ def test_landmarks_lie_inside_the_original_images() -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (15, 24, 3), np.uint8)
     boxes = np.array([(x, y, 16 - x, 10 - y) for x in range(16) for y in range(10)], np.int32)
     image = read_image(pixels, max_size=16)
-    found = _boxes_in_original_pixels(boxes, image)
+    found = boxes_in_original_pixels(boxes, image)
     assert (found[:, :2] + found[:, 2:] == [24, 15]).all()
 
 

@@ -9,8 +9,11 @@ import pytest
 from PIL import Image as PillowImage
 
 from nearfar import Localizer
+from nearfar.arrays import RGBPixels
 from nearfar.cli import main
 from nearfar.errors import ImageError, SettingsError
+from nearfar.runtime.timing import StageTimer
+from nearfar.settings import Settings
 from tests.conftest import KnownPair
 
 
@@ -71,13 +74,36 @@ def test_bad_masks_and_methods_without_masks(known_pair: KnownPair) -> None:
     with pytest.raises(ImageError, match="as large as the image"):
         Localizer().localize(known_pair.far, known_pair.near, far_mask=np.ones((4, 4)))
     with pytest.raises(SettingsError, match="takes no masks"):
-        Localizer(method="python:tests.test_masks.nothing").localize(
+        Localizer(method="python:tests.test_masks.Maskless").localize(
             known_pair.far, known_pair.near, near_mask=half(known_pair.near)
         )
 
 
-def nothing(far: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG001
-    return np.empty((0, 2)), np.empty((0, 2))
+class Maskless:
+    """A method of another package without `masked`."""
+
+    uses_landmarks = False
+
+    def __init__(self, name: str, settings: Settings) -> None:
+        """Take no settings."""
+
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> RGBPixels:  # noqa: ARG002
+        return pixels
+
+
+def grid(far: RGBPixels, near: RGBPixels) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG001
+    """Matches all over the near image, at the same pixels of the far one."""
+    x, y = np.meshgrid(np.arange(0, 300, 10), np.arange(0, 300, 10))
+    xy = np.column_stack([x.ravel(), y.ravel()]).astype(float)
+    return xy, xy
+
+
+def test_matches_of_an_external_matcher_are_dropped(known_pair: KnownPair) -> None:
+    found = Localizer(method="python:tests.test_masks.grid").localize(
+        known_pair.far, known_pair.near, near_mask=half(known_pair.near)
+    )
+    assert 50 < len(found.points) < 300
+    assert (found.points.near[:, 0] >= known_pair.near.shape[1] / 2).all()
 
 
 def test_on_the_command_line(

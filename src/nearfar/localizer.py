@@ -7,13 +7,18 @@ from typing import Any
 import numpy as np
 from cachetools import LRUCache
 
-from nearfar.arrays import Boxes, Matrix3
+from nearfar.arrays import Matrix3
+from nearfar.coordinates import (
+    alternative_in_original_pixels,
+    excluded_in_original_pixels,
+    landmarks_in_original_pixels,
+    model_in_original_pixels,
+)
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import IntrinsicsError, SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features import DETECTORS, MATCHERS
-from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.homography import footprint, normalized, scale_change, transform
+from nearfar.geometry.homography import footprint, scale_change, transform
 from nearfar.geometry.intrinsics import (
     CameraIntrinsics,
     Intrinsics,
@@ -22,11 +27,11 @@ from nearfar.geometry.intrinsics import (
 )
 from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.imaging.mask import MaskSource
-from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
+from nearfar.landmarks import NO_LANDMARKS
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
-from nearfar.models import MODEL_KINDS, Alternative, Answer, Excluded, ModelKind, Task
-from nearfar.proposals import PROPOSERS, scaled_boxes
+from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
+from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
@@ -183,7 +188,7 @@ class Localizer:
             answer, task, exponent, near_size, self.settings, same_place=self._same_place
         )
         estimate = answer.estimate
-        model = _in_original_pixels(estimate.far_from_near, kind, far, near)
+        model = model_in_original_pixels(estimate.far_from_near, kind, far, near)
         points = PointMatches(
             transform(far.original_from_working, answer.far),
             transform(near.original_from_working, answer.near),
@@ -191,7 +196,7 @@ class Localizer:
         )
         landmarks = NO_LANDMARKS
         if answer.landmarks is not None:
-            landmarks = _in_original_boxes(answer.landmarks, far, near)
+            landmarks = landmarks_in_original_pixels(answer.landmarks, far, near)
         outline = None
         if kind == "homography" and model is not None:
             outline = footprint(np.asarray(model), near.width, near.height)
@@ -210,8 +215,12 @@ class Localizer:
             method=self.settings.method,
             step=answer.step,
             agreement=None if answer.agreement is None else answer.agreement.share,
-            excluded=None if answer.excluded is None else _excluded(answer.excluded, far, near),
-            alternatives=tuple(_alternative(each, far, near) for each in answer.alternatives),
+            excluded=None
+            if answer.excluded is None
+            else excluded_in_original_pixels(answer.excluded, far, near),
+            alternatives=tuple(
+                alternative_in_original_pixels(each, far, near) for each in answer.alternatives
+            ),
             descriptor=self.descriptor,
             far=far.info,
             near=near.info,
@@ -258,21 +267,6 @@ def _reason(answer: Answer) -> str | None:
     if reason is None or answer.excluded is None:
         return reason
     return f"{reason}; {answer.excluded.matches} matches lie on an overlay that both pictures share"
-
-
-def _alternative(alternative: Alternative, far: Image, near: Image) -> Alternative:
-    """Return an alternative in pixels of the original images."""
-    model = _in_original_pixels(alternative.far_from_near, "homography", far, near)
-    return Alternative(np.asarray(model), alternative.score)
-
-
-def _excluded(excluded: Excluded, far: Image, near: Image) -> Excluded:
-    """Return what was left out in pixels of the original images."""
-    return Excluded(
-        excluded.matches,
-        _boxes_in_original_pixels(excluded.far_box[np.newaxis], far)[0],
-        _boxes_in_original_pixels(excluded.near_box[np.newaxis], near)[0],
-    )
 
 
 def _check_lengths(answer: Answer, method: str) -> None:
@@ -341,29 +335,3 @@ def _guess(matrix: Matrix3) -> Matrix3:
 
 def _in_working_pixels(camera: CameraIntrinsics, image: Image) -> Matrix3:
     return np.asarray(np.linalg.inv(image.original_from_working) @ camera.matrix, np.float64)
-
-
-def _in_original_pixels(
-    model: Matrix3 | RelativePose | None, kind: ModelKind, far: Image, near: Image
-) -> Matrix3 | RelativePose | None:
-    """Convert a model from working to original pixels; a pose stays as it is."""
-    if model is None or isinstance(model, RelativePose):
-        return model
-    near_working_from_original = np.linalg.inv(near.original_from_working)
-    if kind == "homography":
-        return normalized(far.original_from_working @ model @ near_working_from_original)
-    fundamental = np.linalg.inv(far.original_from_working).T @ model @ near_working_from_original
-    return np.asarray(fundamental / np.linalg.norm(fundamental))
-
-
-def _in_original_boxes(matches: LandmarkMatches, far: Image, near: Image) -> LandmarkMatches:
-    return LandmarkMatches(
-        _boxes_in_original_pixels(matches.far_boxes, far),
-        _boxes_in_original_pixels(matches.near_boxes, near),
-        matches.similarity,
-    )
-
-
-def _boxes_in_original_pixels(boxes: Boxes, image: Image) -> Boxes:
-    height, width = image.pixels.shape[:2]
-    return scaled_boxes(boxes, (width, height), (image.width, image.height))

@@ -8,7 +8,8 @@ from PIL import Image as PillowImage
 
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import transform
-from nearfar.imaging.image import read_image, read_orientation
+from nearfar.imaging.decoding import read_orientation
+from nearfar.imaging.image import read_image
 from nearfar.imaging.orientation import displayed_from_stored, oriented
 
 

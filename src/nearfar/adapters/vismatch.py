@@ -12,7 +12,8 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.errors import ImageError
-from nearfar.imaging.image import ImageSource, pillow_pixels
+from nearfar.imaging.decoding import pillow_pixels
+from nearfar.imaging.image import ImageSource
 from nearfar.localizer import Localizer
 
 

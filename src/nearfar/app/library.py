@@ -16,7 +16,7 @@ from PIL import Image as PillowImage
 
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import Uploads
-from nearfar.imaging.image import FORMATS
+from nearfar.imaging.decoding import FORMATS
 from nearfar.maps.manifest import FILE as MAP_FILE
 from nearfar.storage.locations import is_text
 

@@ -16,7 +16,7 @@ from nearfar.app.files import write_whole
 from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
 from nearfar.geometry.homography import scale_change
-from nearfar.imaging.image import FORMATS, quiet_pillow
+from nearfar.imaging.decoding import FORMATS, quiet_pillow
 
 _SUFFIX = {"JPEG": ".jpg", "PNG": ".png", "TIFF": ".tif", "WEBP": ".webp", "BMP": ".bmp"}
 

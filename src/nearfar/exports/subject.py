@@ -12,7 +12,8 @@ from nearfar.arrays import IndexPairs, Mask
 from nearfar.errors import ExportError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.image import FORMATS, ImagePair, quiet_pillow
+from nearfar.imaging.decoding import FORMATS, quiet_pillow
+from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches, read_images
 from nearfar.storage.locations import is_text
 

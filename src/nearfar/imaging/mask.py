@@ -31,6 +31,11 @@ class MaskedImage:
     mask: PixelMask | None = None
 
     @property
+    def nbytes(self) -> int:
+        """Return the memory that the arrays take, in bytes."""
+        return self.pixels.nbytes + (0 if self.mask is None else self.mask.nbytes)
+
+    @property
     def size(self) -> tuple[int, int]:
         """Return width and height in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]

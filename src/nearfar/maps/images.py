@@ -22,7 +22,8 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MapError
-from nearfar.imaging.image import FORMATS, Image, read_image
+from nearfar.imaging.decoding import FORMATS
+from nearfar.imaging.image import Image, read_image
 from nearfar.imaging.raster import Raster, open_raster, tiff_header
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.render import save

@@ -27,7 +27,7 @@ from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
 from nearfar.maps.world.places import geo_place
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
-from nearfar.methods.adaptive.method import AdaptiveFeatures
+from nearfar.methods.adaptive.pair import AdaptiveFeatures
 from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import Settings

@@ -8,6 +8,7 @@ import numpy as np
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.errors import ExternalMethodError, SettingsError
 from nearfar.estimators import ESTIMATORS
+from nearfar.imaging.mask import MaskedImage, PixelMask, usable
 from nearfar.models import Answer, Task
 from nearfar.registry import EXTERNAL, find_external
 from nearfar.runtime.timing import StageTimer
@@ -36,11 +37,17 @@ class ExternalMethod:
         self._match_images: MatchImages = find_external(self._path, "method")
         self._estimator = ESTIMATORS.create(settings.estimator, settings)
 
-    def extract(self, pixels: RGBPixels, timer: StageTimer) -> RGBPixels:  # noqa: ARG002
+    def extract(self, pixels: RGBPixels, timer: StageTimer) -> MaskedImage:  # noqa: ARG002
         """Return the image itself, because the function needs both images together."""
-        return pixels
+        return MaskedImage(pixels)
 
-    def localize(self, far: RGBPixels, near: RGBPixels, task: Task, timer: StageTimer) -> Answer:
+    def masked(self, features: MaskedImage, mask: PixelMask) -> MaskedImage:
+        """Return the image with its mask: matches on masked pixels are dropped; see `Method`."""
+        return MaskedImage(features.pixels, mask)
+
+    def localize(
+        self, far: MaskedImage, near: MaskedImage, task: Task, timer: StageTimer
+    ) -> Answer:
         """See `Method.localize`.
 
         Raises:
@@ -48,7 +55,12 @@ class ExternalMethod:
             SettingsError: it did not return two arrays of the same shape (N, 2).
         """
         with timer.stage("external matching"):
-            far_xy, near_xy = self._match(far, near)
+            far_xy, near_xy = self._match(far.pixels, near.pixels)
+            kept = np.ones(len(far_xy), np.bool_)
+            for image, xy in ((far, far_xy), (near, near_xy)):
+                if image.mask is not None:
+                    kept &= usable(image.mask, image.size, xy)
+            far_xy, near_xy = far_xy[kept], near_xy[kept]
         with timer.stage("estimation"):
             estimate = self._estimator.estimate(far_xy, near_xy, task)
         return Answer(far_xy, near_xy, None, estimate)

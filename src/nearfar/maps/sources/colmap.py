@@ -11,7 +11,7 @@ from nearfar.arrays import Matrix3
 from nearfar.errors import ImageError, IntrinsicsError, MapError
 from nearfar.geometry.homography import transform
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
-from nearfar.imaging.image import read_orientation
+from nearfar.imaging.decoding import read_orientation
 from nearfar.imaging.orientation import MIRRORED, TRANSPOSED, UPRIGHT, displayed_from_stored
 from nearfar.maps.images import copied
 from nearfar.maps.sources import MAP_SOURCES, GivenImage, MapSource

@@ -1,0 +1,85 @@
+"""Checks of the best attempt by evidence that did not produce it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from nearfar.arrays import Coordinates, Matrix3
+from nearfar.constants import Constants
+from nearfar.descriptors import DenseDescriptor
+from nearfar.methods.adaptive.ambiguity import alternatives
+from nearfar.methods.adaptive.attempt import Attempt
+from nearfar.methods.adaptive.pair import Pair
+from nearfar.models import Agreement, Alternative
+from nearfar.verification.agreement import agreement
+from nearfar.verification.overlay import Overlay, shared_overlay
+
+NO_POINTS = np.empty((0, 2))
+
+
+class Checks:
+    """Overlays, agreement and alternatives; their time is the stage "verification".
+
+    Args:
+        descriptor: describes the cells that are compared.
+        constants: of all steps.
+    """
+
+    def __init__(self, descriptor: DenseDescriptor, constants: Constants) -> None:
+        self._descriptor = descriptor
+        self._constants = constants
+
+    def overlay(self, pair: Pair, best: Attempt) -> Overlay | None:
+        """Return what both pictures share at one place, unless the scene around it agrees too."""
+        if not best.log10_nfa < 0:
+            return None
+        with pair.timer.stage("verification"):
+            inliers = best.estimate.inliers
+            limits = self._constants.overlay
+            found = shared_overlay(
+                pair.far.pixels, pair.near.pixels, best.far[inliers], best.near[inliers], limits
+            )
+            if found is None or not found.same_scene:
+                return found
+            beside = replace(
+                pair, far=pair.far.masked(found.far), near=pair.near.masked(found.near)
+            )
+            rest = self._compared(beside, found.far_from_near, NO_POINTS)
+        return None if rest is None or rest.share >= limits.least_agreement else found
+
+    def agreement(self, pair: Pair, best: Attempt) -> Agreement | None:
+        """Return the share of the near image that agrees with the far image under a homography."""
+        model = best.estimate.far_from_near
+        if pair.task.model != "homography" or model is None or not np.isfinite(best.log10_nfa):
+            return None
+        with pair.timer.stage("verification"):
+            return self._compared(pair, np.asarray(model), best.near[best.estimate.inliers])
+
+    def _compared(
+        self, pair: Pair, far_from_near: Matrix3, inliers: Coordinates
+    ) -> Agreement | None:
+        far, near = pair.far.image, pair.near.image
+        limits = self._constants.agreement
+        return agreement(far, near, far_from_near, inliers, self._descriptor, limits)
+
+    def alternatives(self, pair: Pair, best: Attempt, agrees: Agreement) -> tuple[Alternative, ...]:
+        """Return other places that explain the near image nearly as well as the best attempt."""
+        if not best.log10_nfa < 0:
+            return ()
+        constants = self._constants.ambiguity
+        with pair.timer.stage("verification"):
+            found = alternatives(
+                pair.far.keypoints,
+                pair.near.image,
+                pair.near.keypoints,
+                np.asarray(best.estimate.far_from_near),
+                constants,
+                self._constants.votes,
+            )
+            compared = [self._compared(pair, each.far_from_near, NO_POINTS) for each in found]
+        least = constants.least_agreement * agrees.share
+        return tuple(
+            each
+            for each, other in zip(found, compared, strict=True)
+            if other is not None and other.share >= least
+        )
