@@ -269,6 +269,8 @@ class AmbiguityConstants:
     """Keypoints that agree with the answer itself below which nothing is said."""
     most: int = 12
     """Places that are compared."""
+    seeds: int = 80
+    """Most similar matches that propose places."""
     least_distance: float = 0.15
     """Distance of an alternative from the answer, as a share of the footprint's diagonal."""
     least_agreement: float = 0.85
@@ -281,6 +283,8 @@ class AmbiguityConstants:
 class OverlayConstants:
     """Static overlays: what both pictures share at the same place of the picture."""
 
+    most_points: int = 200
+    """About how many inliers decide which corner, border or middle is tried."""
     tolerance: float = 1.5
     """Far pixels by which a match may miss the same place of the picture."""
     least_share: float = 0.5

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Boxes, Coordinates, Matrix3, RGBPixels
+from nearfar.arrays import Boxes, Coordinates, Mask, Matrix3, RGBPixels
 from nearfar.constants import OverlayConstants
 from nearfar.geometry.homography import scale_change, scaling, transform, translation
 from nearfar.imaging.mask import PixelMask, usable
@@ -59,11 +59,11 @@ def shared_overlay(
     if len(far) < 2:
         return None
     far_size, near_size = (each.shape[1::-1] for each in (far_pixels, near_pixels))
-    found = [
-        (np.linalg.norm(transform(each, near) - far, axis=1) < constants.tolerance, each)
-        for each in _anchored(far_size, near_size, scale_change(far, near))
-    ]
-    static, far_from_near = max(found, key=lambda each: int(each[0].sum()))
+    some = slice(None, None, 1 + len(far) // constants.most_points)
+    anchored = _anchored(far_size, near_size, scale_change(far[some], near[some]))
+    hits = [_static(far[some], near[some], each, constants).sum() for each in anchored]
+    far_from_near = anchored[int(np.argmax(hits))]
+    static = _static(far, near, far_from_near, constants)
     if static.mean() < constants.least_share:
         return None
     seen = cv2.warpPerspective(
@@ -115,6 +115,14 @@ def _joined(one: Boxes, other: Boxes) -> Boxes:
     low = np.minimum(one[:2], other[:2])
     high = np.maximum(one[:2] + one[2:], other[:2] + other[2:])
     return np.concatenate([low, high - low])
+
+
+def _static(
+    far: Coordinates, near: Coordinates, far_from_near: Matrix3, constants: OverlayConstants
+) -> Mask:
+    """Return which of (N, 2) matched points lie at the same place of both pictures."""
+    away = np.linalg.norm(transform(far_from_near, near) - far, axis=1)
+    return np.asarray(away < constants.tolerance)
 
 
 def _anchored(

@@ -9,9 +9,8 @@ votes.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, Matrix3
+from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.constants import AmbiguityConstants, VoteConstants
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
@@ -51,18 +50,22 @@ def alternatives(
     else:
         points = _reduced_keypoints(near, factor, constants)
     matches = _similar(far, points, constants)
-    own = _agreeing(matches, far_from_near, votes)
-    if own < constants.least_own:
+    agreeing = _agrees(matches, far_from_near, votes)
+    own, elsewhere = _count(matches.near[agreeing]), matches[~agreeing]
+    least = constants.least_score * own
+    if own < constants.least_own or _count(elsewhere.near) < least:
         return ()
     corners = outline(width, height)
     centre = transform(far_from_near, middle[np.newaxis])[0]
     diagonal = float(np.linalg.norm(np.ptp(transform(far_from_near, corners), axis=0)))
+    voters = replace(elsewhere, constants=replace(votes, seeds=constants.seeds))
     found = []
-    for each in hypotheses(replace(matches, constants=votes), constants.most, "votes"):
+    for each in hypotheses(voters, constants.most, "votes"):
         away = np.linalg.norm(transform(each.far_from_near, middle[np.newaxis])[0] - centre)
-        score = _agreeing(matches, each.far_from_near, votes) / own
-        if away > constants.least_distance * diagonal and score >= constants.least_score:
-            found.append(Alternative(each.far_from_near, min(1.0, score)))
+        agreeing = _agrees(matches, each.far_from_near, votes)
+        count = _count(matches.near[agreeing])
+        if away > constants.least_distance * diagonal and count >= least:
+            found.append(Alternative(each.far_from_near, min(1.0, count / own)))
     return tuple(sorted(found, key=lambda each: -each.score))
 
 
@@ -90,13 +93,12 @@ def _similar(far: Keypoints, near: Keypoints, constants: AmbiguityConstants) -> 
     return matches_of(far, near, pairs, weight)
 
 
-def _agreeing(matches: Tentative, far_from_near: Matrix3, votes: VoteConstants) -> int:
-    """Return how many near points have a match where a transform puts them."""
-    if not len(matches):
-        return 0
-    errors = _distance(transform(far_from_near, matches.near), matches.far)
-    return len(np.unique(matches.near[errors < votes.least_tolerance], axis=0))
+def _agrees(matches: Tentative, far_from_near: Matrix3, votes: VoteConstants) -> Mask:
+    """Return which of N matches lie where a transform puts their near point."""
+    errors = np.linalg.norm(transform(far_from_near, matches.near) - matches.far, axis=1)
+    return np.asarray(errors < votes.least_tolerance)
 
 
-def _distance(one: Coordinates, other: Coordinates) -> NDArray[np.float64]:
-    return np.asarray(np.linalg.norm(one - other, axis=1))
+def _count(near: Coordinates) -> int:
+    """Return the number of different points among (N, 2) ones."""
+    return len(np.unique(near, axis=0))

@@ -40,6 +40,16 @@ class Tentative:
     def __len__(self) -> int:
         return len(self.weight)
 
+    def __getitem__(self, chosen: Mask) -> "Tentative":
+        return Tentative(
+            self.far[chosen],
+            self.near[chosen],
+            self.scale[chosen],
+            self.angle[chosen],
+            self.weight[chosen],
+            self.constants,
+        )
+
     def agreeing(self, seed: int) -> Mask:
         """Return the (N,) mask of matches whose transform is nearly that of one of them."""
         away_near = self.near - self.near[seed]
