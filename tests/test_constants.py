@@ -93,7 +93,9 @@ def test_acceptance_obeys_its_constants(constants: Constants, known_pair: KnownP
 def test_results_record_constants_that_differ_from_version_0_1_0() -> None:
     usual = Settings()
     assert "constants" not in settings_table(Settings(method="sift"))
-    assert set(settings_table(usual)["constants"]) == {"agreement", "overlay", "ambiguity"}
+    assert set(settings_table(usual)["constants"]) == {
+        "agreement", "overlay", "form", "ambiguity", "candidates",
+    }  # fmt: skip
     for step in fields(Constants):
         own = getattr(DEFAULT, step.name)
         name = fields(own)[0].name

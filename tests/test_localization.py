@@ -17,7 +17,7 @@ from nearfar import (
     RelativePose,
 )
 from nearfar.arrays import Matrix3
-from nearfar.models import MODEL_KINDS
+from nearfar.models import FAILURE_KINDS, MODEL_KINDS, Candidate
 
 NUMBERS = st.floats(-1e9, 1e9)
 MATRICES = st.lists(NUMBERS, min_size=9, max_size=9).map(lambda x: np.array(x).reshape(3, 3))
@@ -41,9 +41,12 @@ def localizations(draw: st.DrawFn) -> Localization:
     count = draw(st.integers(0, 5))
     points = PointMatches(np.ones((count, 2)), np.ones((count, 2)), np.arange(count) % 2 == 0)
     boxes = np.ones((draw(st.integers(0, 3)), 4), np.int32)
+    candidates = st.builds(Candidate, MATRICES, st.none() | st.floats(0, 1), st.text(max_size=9))
     return Localization(
         status="failed" if model is None else "localized",
         reason=draw(TEXTS),
+        failure=draw(st.none() | st.sampled_from(FAILURE_KINDS)),
+        candidates=tuple(draw(st.lists(candidates, max_size=2))),
         model=kind,
         far_from_near=model,
         scale_change=draw(st.none() | NUMBERS),
@@ -76,6 +79,7 @@ def test_what_is_read_back_is_the_same(found: Localization) -> None:
 def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
     content = found.to_dict()
     optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded", "alternatives"}
+    optional |= {"candidates", "failure"}
     del content[data.draw(st.sampled_from(sorted(set(content) - optional)))]
     with pytest.raises(LocalizationError, match="to_dict"):
         Localization.from_dict(content)
@@ -102,6 +106,7 @@ WHOLE: dict[str, Any] = {
         {"near": {"path": 4, "width": 4, "height": 3}},
         {"near": {"path": None, "width": 0, "height": 3}},
         {"near": {"path": None, "width": 4.5, "height": 3}},
+        {"failure": "bad luck"}, {"candidates": [{"homography": [[1]], "score": 1, "source": "x"}]},
     ],
     ids=str,
 )  # fmt: skip

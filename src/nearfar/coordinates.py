@@ -7,7 +7,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import normalized
 from nearfar.imaging.image import Image
 from nearfar.landmarks import LandmarkMatches
-from nearfar.models import Alternative, Excluded, ModelKind
+from nearfar.models import Alternative, Candidate, Excluded, ModelKind
 from nearfar.proposals import scaled_boxes
 
 
@@ -47,6 +47,12 @@ def alternative_in_original_pixels(
     """Return an alternative in pixels of the original images."""
     model = model_in_original_pixels(alternative.far_from_near, "homography", far, near)
     return Alternative(np.asarray(model), alternative.score)
+
+
+def candidate_in_original_pixels(candidate: Candidate, far: Image, near: Image) -> Candidate:
+    """Return a candidate in pixels of the original images."""
+    model = model_in_original_pixels(candidate.far_from_near, "homography", far, near)
+    return Candidate(np.asarray(model), candidate.score, candidate.source)
 
 
 def excluded_in_original_pixels(

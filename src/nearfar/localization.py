@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,15 @@ from nearfar.errors import ImageError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
-from nearfar.models import MODEL_KINDS, Alternative, Excluded, ModelKind
+from nearfar.models import (
+    FAILURE_KINDS,
+    MODEL_KINDS,
+    Alternative,
+    Candidate,
+    Excluded,
+    FailureKind,
+    ModelKind,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,8 @@ class Localization:
     Attributes:
         status: "localized" or "failed".
         reason: reason of the failure; None where it did not fail.
+        failure: kind of that reason, one of `nearfar.models.FAILURE_KINDS`; None where it did not
+            fail, and in results of version 0.1.0.
         model: kind of the requested model.
         far_from_near: homography (maps near pixels to far pixels), fundamental matrix
             (x_farᵀ F x_near = 0) or relative pose; None where it failed.
@@ -74,6 +84,8 @@ class Localization:
             original images; None where nothing was.
         alternatives: other places that explain the near image nearly as well, best first,
             homographies between the original images; the confidence is shared among all.
+        candidates: where it failed, places that nothing confirms and that may be worth a look, best
+            first, homographies between the original images.
         far: path and size of the far image.
         near: path and size of the near image.
     """
@@ -97,6 +109,8 @@ class Localization:
     agreement: float | None = None
     excluded: Excluded | None = None
     alternatives: tuple[Alternative, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    failure: FailureKind | None = None
 
     @property
     def localized(self) -> bool:
@@ -108,6 +122,7 @@ class Localization:
         return {
             "status": self.status,
             "reason": self.reason,
+            "failure": self.failure,
             "model": self.model,
             "far_from_near": self._model_as_dict(),
             "scale_change": self.scale_change,
@@ -125,6 +140,7 @@ class Localization:
                 {"homography": each.far_from_near.tolist(), "score": each.score}
                 for each in self.alternatives
             ],
+            "candidates": [_candidate_as_dict(each) for each in self.candidates],
             "descriptor": self.descriptor,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),
@@ -179,6 +195,8 @@ class Localization:
                     Alternative(_array(each["homography"], (3, 3)), float(each["score"]))
                     for each in content.get("alternatives", ())
                 ),
+                candidates=tuple(_read_candidate(each) for each in content.get("candidates", ())),
+                failure=_read_failure(content.get("failure")),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise LocalizationError(
@@ -246,6 +264,25 @@ def _read_excluded(content: Mapping[str, Any] | None) -> Excluded | None:
         return None
     boxes = [_array(content[name], (4,)).astype(np.int32) for name in ("far_box", "near_box")]
     return Excluded(int(content["matches"]), boxes[0], boxes[1])
+
+
+def _candidate_as_dict(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "homography": candidate.far_from_near.tolist(),
+        "score": candidate.score,
+        "source": candidate.source,
+    }
+
+
+def _read_candidate(content: Mapping[str, Any]) -> Candidate:
+    model = _array(content["homography"], (3, 3))
+    return Candidate(model, _number(content["score"]), str(content["source"]))
+
+
+def _read_failure(content: Any) -> FailureKind | None:
+    if content is not None and content not in FAILURE_KINDS:
+        raise ValueError(f"the failure {content!r}")
+    return cast("FailureKind | None", content)
 
 
 def _image_as_dict(image: ImageInfo) -> dict[str, Any]:

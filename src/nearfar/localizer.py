@@ -10,6 +10,7 @@ from cachetools import LRUCache
 from nearfar.arrays import Matrix3
 from nearfar.coordinates import (
     alternative_in_original_pixels,
+    candidate_in_original_pixels,
     excluded_in_original_pixels,
     landmarks_in_original_pixels,
     model_in_original_pixels,
@@ -36,6 +37,7 @@ from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
 from nearfar.verification.acceptance import accepted
+from nearfar.verification.failures import reason_of
 from nearfar.verification.significance import log10_nfa
 
 
@@ -202,7 +204,8 @@ class Localizer:
             outline = footprint(np.asarray(model), near.width, near.height)
         return Localization(
             status="failed" if model is None else "localized",
-            reason=_reason(answer),
+            reason=reason_of(answer),
+            failure=answer.estimate.failure,
             model=kind,
             far_from_near=model,
             scale_change=scale_change(points.far[points.inliers], points.near[points.inliers]),
@@ -220,6 +223,9 @@ class Localizer:
             else excluded_in_original_pixels(answer.excluded, far, near),
             alternatives=tuple(
                 alternative_in_original_pixels(each, far, near) for each in answer.alternatives
+            ),
+            candidates=tuple(
+                candidate_in_original_pixels(each, far, near) for each in answer.candidates
             ),
             descriptor=self.descriptor,
             far=far.info,
@@ -259,14 +265,6 @@ def localize(
     if method is not None:
         options["method"] = method
     return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
-
-
-def _reason(answer: Answer) -> str | None:
-    """Return why there is no model, with the overlay that was left out."""
-    reason = answer.estimate.reason
-    if reason is None or answer.excluded is None:
-        return reason
-    return f"{reason}; {answer.excluded.matches} matches lie on an overlay that both pictures share"
 
 
 def _check_lengths(answer: Answer, method: str) -> None:

@@ -1,7 +1,7 @@
 """The task that a method gets and the answer that it gives."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,6 +17,34 @@ MODEL_NAMES = {
     "pose": "relative pose",
 }
 """What each kind is called in messages."""
+
+
+FailureKind = Literal[
+    "nothing-agrees",
+    "chance",
+    "low-confidence",
+    "ambiguous",
+    "disagreement",
+    "underdetermined",
+    "rotation",
+    "overlay",
+    "too-small",
+    "appearance",
+]
+"""Why nothing was found.
+
+- nothing-agrees: no model agrees with the matches, or there are too few of them.
+- chance: so few matches agree that chance may explain them.
+- low-confidence: the confidence is below the one that was asked for.
+- ambiguous: other places fit the near image nearly as well.
+- disagreement: the rest of the near image does not look like the far image there.
+- underdetermined: the matches leave the corners of the near image open.
+- rotation: a rotation alone explains the matches, so that a pose has no direction.
+- overlay: only what lies at the same place of both pictures agrees.
+- too-small: the near image seems to lie in a place of a few far pixels.
+- appearance: a place looks like the near image, but no points match: other light or season.
+"""
+FAILURE_KINDS: tuple[FailureKind, ...] = get_args(FailureKind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +88,21 @@ class Estimate:
         threshold: largest reprojection error or epipolar distance of an inlier, in pixels; the
             latter as Sampson's, which is smaller, by lo-ransac, prosac and magsac.
         reason: why there is no model; None where there is one.
+        failure: kind of that reason; None where there is a model.
     """
 
     far_from_near: Matrix3 | RelativePose | None
     inliers: Mask
     threshold: float
     reason: str | None = None
+    failure: FailureKind | None = None
 
 
-def failure(matches: int, threshold: float, reason: str) -> Estimate:
+def failure(
+    matches: int, threshold: float, reason: str, kind: FailureKind = "nothing-agrees"
+) -> Estimate:
     """Return an estimate without a model, for a number of matches."""
-    return Estimate(None, np.zeros(matches, np.bool_), threshold, reason)
+    return Estimate(None, np.zeros(matches, np.bool_), threshold, reason, kind)
 
 
 LEAST_MATCHES = {"homography": 4, "fundamental": 8, "pose": 5}
@@ -87,6 +119,22 @@ class Alternative:
 
     far_from_near: Matrix3
     score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A place that was not accepted, and may still be worth a look.
+
+    Attributes:
+        far_from_near: homography, near to far pixels.
+        score: share of the near image whose features agree with the far image there, from 0 to 1;
+            None where it is not known. Wrong places have reached 0.65.
+        source: step that proposed it.
+    """
+
+    far_from_near: Matrix3
+    score: float | None
+    source: str
 
 
 @dataclass(frozen=True)
@@ -135,6 +183,9 @@ class Answer:
         excluded: what was left out as an overlay; None where nothing was.
         alternatives: other places that explain the near image nearly as well; the confidence is
             shared among all.
+        candidates: places that were not accepted, best first; empty where a model was.
+        suspected: kind of failure that other evidence than the matches speaks for, where nothing
+            is found; None where none does.
     """
 
     far: Coordinates
@@ -147,3 +198,5 @@ class Answer:
     agreement: Agreement | None = None
     excluded: Excluded | None = None
     alternatives: tuple[Alternative, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    suspected: FailureKind | None = None

@@ -11,44 +11,69 @@ from nearfar.arrays import Coordinates, Mask
 from nearfar.geometry.homography import transform
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.answers import MapAnswer, MapLocalization
+from nearfar.models import FailureKind
 from nearfar.settings import Settings
 
 _FEW = 8
 """Number of matches below which there is nothing to judge."""
 
 
+_EXPLANATIONS: dict[FailureKind, str] = {
+    "chance": (
+        "A few spots of the two images agree on a place, but so few that it may be chance. The "
+        "near image may not lie in the far one, or be shown too small there."
+    ),
+    "ambiguous": (
+        "Several places of the far image fit the near image nearly as well, as in repeated "
+        "windows or tiles. A near image that shows more around them may tell which it is."
+    ),
+    "disagreement": (
+        "Spots of the two images agree on a place, but the rest of the near image looks different "
+        "there. They may share a logo or a sign, and nothing else."
+    ),
+    "underdetermined": (
+        "Spots of the two images agree on a place, but they lie on one line or close together, "
+        "so that size and tilt of the near image remain open. A near image that shows more "
+        "texture beside them may help."
+    ),
+    "rotation": (
+        "The camera only turned or zoomed between the two images, so that they do not tell a "
+        "direction from one to the other. Ask for a homography: it is exact there."
+    ),
+    "overlay": (
+        "Only what lies at the same spot of both pictures agrees, such as text, a frame or a mark "
+        "drawn over them. Beside it they share no place."
+    ),
+    "too-small": (
+        "One place of the far image looks like the near image, but it is only a few pixels large "
+        "there. A far image of a higher resolution may help."
+    ),
+    "appearance": (
+        "One place of the far image looks like the near image, but their details differ, as under "
+        "other light or in another season."
+    ),
+}
+
+
 def explanation(found: Localization, settings: Settings) -> str | None:
     """Explain a failure in plain words; return None for a success."""
     if found.localized:
         return None
-    matches = len(found.points)
-    if matches < _FEW:
-        return (
-            "Hardly anything in the two images looks alike. They may show different places, or one "
-            "of them may be too blurred, too dark or too plain."
-        )
-    if found.reason is not None and "--min-confidence" in found.reason:
+    if found.failure == "low-confidence":
         return (
             "There is a place where the near image might lie, but too little speaks for it to be "
             f"trusted: the confidence is {found.confidence or 0:.0%}, and at least "
             f"{settings.min_confidence:.0%} is asked for. A near image that shows more, or a far "
             "image that is less coarse, may help."
         )
-    if found.reason is not None and "--max-false-alarms" in found.reason:
+    words = None if found.failure is None else _EXPLANATIONS.get(found.failure)
+    if words is not None:
+        return words
+    matches = len(found.points)
+    if matches < _FEW:
         return (
-            "A few spots of the two images agree on a place, but so few that it may be chance. The "
-            "near image may not lie in the far one, or be shown too small there."
-        )
-    if found.reason is not None and "a rotation alone explains" in found.reason:
-        return (
-            "The camera only turned or zoomed between the two images, so that they do not tell a "
-            "direction from one to the other. Ask for a homography: it is exact there."
-        )
-    if found.reason is not None and "determine its corners only to" in found.reason:
-        return (
-            "Spots of the two images agree on a place, but they lie on one line or close together, "
-            "so that size and tilt of the near image remain open. A near image that shows more "
-            "texture beside them may help."
+            "Hardly anything in the two images looks alike. They may show different places, or one "
+            "of them may be too blurred, too dark or too plain."
         )
     return (
         f"Of {matches:,} spots that look alike in the two images, no group agrees on one place. "

@@ -15,6 +15,7 @@ from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.voting import Hypothesis
+from nearfar.models import Excluded
 
 SWAPPED_FROM = 1.25
 """Enlargement from query to map beyond which the map image is taken as the near image."""
@@ -123,7 +124,7 @@ def swap_roles(found: Localization) -> Localization:
     corners = None
     if isinstance(inverse, np.ndarray):
         corners = footprint(inverse, found.far.width, found.far.height)
-    points, landmarks = found.points, found.landmarks
+    points, landmarks, excluded = found.points, found.landmarks, found.excluded
     return replace(
         found,
         far_from_near=inverse,
@@ -131,13 +132,29 @@ def swap_roles(found: Localization) -> Localization:
         footprint=corners,
         points=PointMatches(points.near, points.far, points.inliers),
         landmarks=LandmarkMatches(landmarks.near_boxes, landmarks.far_boxes, landmarks.similarity),
+        excluded=None if excluded is None else _swapped(excluded),
+        alternatives=tuple(
+            replace(each, far_from_near=_inverted(each.far_from_near))
+            for each in found.alternatives
+        ),
+        candidates=tuple(
+            replace(each, far_from_near=_inverted(each.far_from_near)) for each in found.candidates
+        ),
         far=found.near,
         near=found.far,
     )
+
+
+def _swapped(excluded: Excluded) -> Excluded:
+    return replace(excluded, far_box=excluded.near_box, near_box=excluded.far_box)
 
 
 def _inverse(model: Matrix3 | RelativePose) -> Matrix3 | RelativePose:
     if isinstance(model, RelativePose):
         rotation = model.rotation.T
         return RelativePose(rotation, -rotation @ model.translation)
-    return normalized(np.linalg.inv(model))
+    return _inverted(model)
+
+
+def _inverted(homography: Matrix3) -> Matrix3:
+    return normalized(np.linalg.inv(homography))

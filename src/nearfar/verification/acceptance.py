@@ -7,13 +7,22 @@ from nearfar.arrays import Coordinates
 from nearfar.constants import AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint
-from nearfar.models import MODEL_NAMES, Agreement, Answer, Estimate, Task, failure
+from nearfar.models import (
+    MODEL_NAMES,
+    Agreement,
+    Answer,
+    Estimate,
+    FailureKind,
+    Task,
+    failure,
+)
 from nearfar.settings import Settings
 from nearfar.verification.conditioning import (
     corner_deviation,
     largest_deviation,
     relative_parallax,
 )
+from nearfar.verification.failures import failure_kind, with_refused
 
 
 def accepted(
@@ -36,37 +45,76 @@ def accepted(
             underdetermined models are accepted too.
         same_place: accept poses between cameras at one place.
     """
-    estimate = answer.estimate
-    if estimate.far_from_near is None:
-        return answer
-    confidence = answer.confidence
-    if log10_nfa > math.log10(settings.max_false_alarms):
-        reason = "too few to exclude chance (--max-false-alarms)"
-    elif confidence is not None and confidence < settings.min_confidence:
-        reason = f"with a confidence of only {confidence:.2f} (--min-confidence)"
-        if answer.alternatives:
-            reason = (
-                f"but {len(answer.alternatives)} other places fit the near image nearly as well"
-            )
-    elif math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
-        return answer
-    elif answer.agreement is not None and _disagrees(answer.agreement, settings):
-        share = answer.agreement.share
-        reason = f"but only {share:.0%} of the near image looks like the far image there"
-        confidence = None if confidence is None else 0.0
-    else:
-        far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
-        underdetermined = _underdetermined(
-            estimate, far, near, task, near_size, settings.constants.acceptance
-        )
-        if underdetermined is None:
-            return answer
-        reason = underdetermined
-        confidence = None if confidence is None else 0.0  # Other models agree as well.
+    if answer.estimate.far_from_near is None:
+        kind = failure_kind(answer.estimate.failure or "nothing-agrees", answer)
+        named = dataclasses.replace(answer.estimate, failure=kind)
+        return dataclasses.replace(answer, estimate=named)
+    refusal = _refusal(answer, task, log10_nfa, near_size, settings, same_place=same_place)
+    if refusal is None:
+        return dataclasses.replace(answer, candidates=())
+    estimate, confidence = answer.estimate, answer.confidence
+    if refusal.contradicted and confidence is not None:
+        confidence = 0.0
     name = MODEL_NAMES[task.model]
     agrees = f"agrees with {estimate.inliers.sum()} of {len(answer.far)} point matches"
-    failed = failure(len(answer.far), estimate.threshold, f"the best {name} {agrees}, {reason}")
-    return dataclasses.replace(answer, estimate=failed, confidence=confidence)
+    failed = failure(
+        len(answer.far),
+        estimate.threshold,
+        f"the best {name} {agrees}, {refusal.why}",
+        failure_kind(refusal.kind, answer),
+    )
+    return dataclasses.replace(
+        answer,
+        estimate=failed,
+        confidence=confidence,
+        candidates=with_refused(answer, task, near_size),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Refusal:
+    """Why a model is no answer.
+
+    Attributes:
+        kind: kind of the failure.
+        why: the end of the sentence about the best model.
+        contradicted: whether other evidence contradicts the model, or other models fit as well, so
+            that the confidence is 0.
+    """
+
+    kind: FailureKind
+    why: str
+    contradicted: bool = False
+
+
+def _refusal(
+    answer: Answer,
+    task: Task,
+    log10_nfa: float,
+    near_size: tuple[int, int],
+    settings: Settings,
+    *,
+    same_place: bool,
+) -> _Refusal | None:
+    """Return why a model is refused; None where it is an answer."""
+    estimate, confidence = answer.estimate, answer.confidence
+    if log10_nfa > math.log10(settings.max_false_alarms):
+        return _Refusal("chance", "too few to exclude chance (--max-false-alarms)")
+    if confidence is not None and confidence < settings.min_confidence:
+        if answer.alternatives:
+            others = f"{len(answer.alternatives)} other places fit the near image nearly as well"
+            return _Refusal("ambiguous", f"but {others}")
+        return _Refusal(
+            "low-confidence", f"with a confidence of only {confidence:.2f} (--min-confidence)"
+        )
+    if math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
+        return None
+    if answer.agreement is not None and _disagrees(answer.agreement, settings):
+        share = answer.agreement.share
+        looks = f"but only {share:.0%} of the near image looks like the far image there"
+        return _Refusal("disagreement", looks, contradicted=True)
+    far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
+    return _underdetermined(estimate, far, near, task, near_size, settings.constants.acceptance)
 
 
 def _disagrees(found: Agreement, settings: Settings) -> bool:
@@ -83,20 +131,24 @@ def _underdetermined(
     task: Task,
     near_size: tuple[int, int],
     constants: AcceptanceConstants,
-) -> str | None:
+) -> _Refusal | None:
     """Return what the inliers do not determine; None where they determine the model."""
     model = estimate.far_from_near
     if isinstance(model, RelativePose):
         if relative_parallax(model, far, near, *task.cameras) < constants.least_parallax:
-            return (
+            return _Refusal(
+                "rotation",
                 "but a rotation alone explains these: the direction is unknown "
-                "(try --model homography)"
+                "(try --model homography)",
+                contradicted=True,
             )
     elif model is not None and task.model == "homography":
         seen = footprint(model, *near_size)
         if seen is None:
-            return "which put a part of the near image beyond the horizon"
+            horizon = "which put a part of the near image beyond the horizon"
+            return _Refusal("underdetermined", horizon, contradicted=True)
         deviation = corner_deviation(model, far, near, near_size)
         if deviation > largest_deviation(seen, constants):
-            return f"which determine its corners only to {deviation:.0f} pixels"
+            corners = f"which determine its corners only to {deviation:.0f} pixels"
+            return _Refusal("underdetermined", corners, contradicted=True)
     return None

@@ -9,9 +9,12 @@ from nearfar.constants import Constants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.methods.adaptive.ambiguity import alternatives
 from nearfar.methods.adaptive.attempt import Attempt
+from nearfar.methods.adaptive.candidates import places
 from nearfar.methods.adaptive.pair import Pair
-from nearfar.models import Agreement, Alternative
+from nearfar.models import Agreement, Alternative, Candidate
 from nearfar.verification.agreement import agreement
+from nearfar.verification.failures import by_score
+from nearfar.verification.form import shared_form
 from nearfar.verification.overlay import Overlay, shared_overlay
 
 NO_POINTS = np.empty((0, 2))
@@ -39,13 +42,22 @@ class Checks:
             found = shared_overlay(
                 pair.far.pixels, pair.near.pixels, best.far[inliers], best.near[inliers], limits
             )
-            if found is None or not found.same_scene:
+            if found is None:
+                return self._form(pair, best)
+            if not found.same_scene:
                 return found
             beside = replace(
                 pair, far=pair.far.masked(found.far), near=pair.near.masked(found.near)
             )
             rest = self._compared(beside, found.far_from_near, NO_POINTS)
         return None if rest is None or rest.share >= limits.least_agreement else found
+
+    def _form(self, pair: Pair, best: Attempt) -> Overlay | None:
+        model = best.estimate.far_from_near
+        if pair.task.model != "homography" or model is None:
+            return None
+        limits = self._constants.form
+        return shared_form(pair.far.image, pair.near.image, np.asarray(model), limits)
 
     def agreement(self, pair: Pair, best: Attempt) -> Agreement | None:
         """Return the share of the near image that agrees with the far image under a homography."""
@@ -83,3 +95,15 @@ class Checks:
             for each, other in zip(found, compared, strict=True)
             if other is not None and other.share >= least
         )
+
+    def candidates(self, pair: Pair) -> tuple[Candidate, ...]:
+        """Return the places of a pair that agree most with the near image, best first."""
+        with pair.timer.stage("verification"):
+            chosen = places(pair)
+            compared = [self._compared(pair, each.far_from_near, NO_POINTS) for each in chosen]
+        found = tuple(
+            Candidate(each.far_from_near, other.share, each.source)
+            for each, other in zip(chosen, compared, strict=True)
+            if other is not None
+        )
+        return by_score(found)[: self._constants.candidates.most]

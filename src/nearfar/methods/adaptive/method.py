@@ -1,5 +1,6 @@
 """The adaptive localizer: points first, and only where they fail what costs more."""
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -19,6 +20,7 @@ from nearfar.imaging.mask import PixelMask
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
 from nearfar.methods.adaptive.attempt import Attempt, attempt
+from nearfar.methods.adaptive.candidates import FITTED, PROPOSED, suspected
 from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair, matched_landmarks, notify
@@ -113,18 +115,28 @@ class Adaptive:
         agrees = self._checks.agreement(pair, best)
         others = () if agrees is None else self._checks.alternatives(pair, best, agrees)
         shared = 1 + sum(each.score for each in others)
+        sure = confidence(pair.task.model, best.log10_nfa) / shared
+        found = () if self._suffices(best, sure) else self._checks.candidates(pair)
         return Answer(
             best.far,
             best.near,
             matched_landmarks(pair),
             best.estimate,
             best.log10_nfa,
-            confidence(pair.task.model, best.log10_nfa) / shared,
+            sure,
             best.step,
             agrees,
             excluded,
             others,
+            found,
+            suspected(found, pair, excluded),
         )
+
+    def _suffices(self, best: Attempt, sure: float) -> bool:
+        """Return whether an attempt is significant and confident enough for an answer."""
+        settings = self._settings
+        significant = best.log10_nfa <= math.log10(settings.max_false_alarms)
+        return significant and sure >= settings.min_confidence
 
     def _by_homography(self, pair: Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""
@@ -132,6 +144,8 @@ class Adaptive:
             for hypothesis in batch:
                 if pair.enough(best):
                     break
+                if hypothesis.source in PROPOSED:
+                    pair.tried.append(hypothesis)
                 best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
             if pair.enough(best):  # Else the next batch is computed.
                 break
@@ -294,6 +308,9 @@ class Adaptive:
                 step,
                 constants=self._constants.acceptance,
             )
+        if pair.task.model == "homography" and np.isfinite(found.log10_nfa):
+            model = np.asarray(found.estimate.far_from_near)
+            pair.tried.append(Hypothesis(model, -found.log10_nfa, FITTED))
         notify(pair.timer, found)
         return found
 

@@ -50,7 +50,19 @@ class AdaptiveFeatures:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The images, matches and limits that all steps share."""
+    """The images, matches and limits that all steps share.
+
+    Attributes:
+        far: features of the far image.
+        near: features of the near image.
+        task: kind of model.
+        timer: measures the stages.
+        nearest: nearest neighbours of the keypoints of both images.
+        deadline: time at which no further step begins.
+        constants: of all steps.
+        sought: the best places of the landmark search.
+        tried: other homographies that were proposed or fitted, in that order.
+    """
 
     far: AdaptiveFeatures
     near: AdaptiveFeatures
@@ -60,6 +72,7 @@ class Pair:
     deadline: float
     constants: Constants
     sought: list[Hypothesis] = field(default_factory=list)
+    tried: list[Hypothesis] = field(default_factory=list)
 
     @property
     def late(self) -> bool:
