@@ -29,7 +29,7 @@ from nearfar.demo import PRINTS, TARGET, make_scene
 from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.estimators import Task
 from nearfar.features.detection import detect_rootsift
-from nearfar.features.matching import nearest_neighbours
+from nearfar.features.nearest import nearest_neighbours
 from nearfar.geometry.homography import local_scale, outline, transform
 from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized, warped

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, Coordinates, RGBPixels, Vectors
 from nearfar.descriptors import DESCRIPTORS, Descriptor
-from nearfar.features.matching import mutual_nearest
+from nearfar.features.nearest import mutual_nearest
 from nearfar.imaging.mask import PixelMask
 from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer

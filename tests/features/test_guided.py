@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from nearfar.arrays import Mask
 from nearfar.features.guided import Gate, nearest_within
 from nearfar.features.keypoints import Keypoints
-from tests.features.test_matching import (
+from tests.features.test_nearest import (
     assert_nearest,
     counts,
     random_keypoints,

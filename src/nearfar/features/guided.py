@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Mask
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import Nearest, negative_squared_distance
+from nearfar.features.nearest import Nearest, negative_squared_distance
 
 SMALLEST_CELL = 16.0
 """Side of the grid cells that bound the comparisons, in pixels of the frame, at least."""

@@ -1,4 +1,4 @@
-"""Matchers: keypoints of two images -> matches. Each is a search of `matching` with its numbers."""
+"""Matchers: keypoints of two images to matches, by the functions of `matching`."""
 
 import math
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import Nearest, nearest_neighbours
+from nearfar.features.nearest import Nearest, nearest_neighbours
 from nearfar.geometry.homography import outline, transform
 from nearfar.methods.adaptive.votes import Tentative, hypotheses, local_support, tentative_matches
 from tests.scenes import SIZE

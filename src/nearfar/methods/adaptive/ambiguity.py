@@ -14,7 +14,7 @@ from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.constants import AmbiguityConstants, VoteConstants
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import negative_squared_distance
+from nearfar.features.nearest import negative_squared_distance
 from nearfar.geometry.homography import local_scale, outline, transform
 from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized

@@ -15,7 +15,7 @@ from nearfar.errors import SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import nearest_neighbours
+from nearfar.features.nearest import nearest_neighbours
 from nearfar.imaging.mask import PixelMask
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align

@@ -8,7 +8,7 @@ import numpy as np
 from nearfar.arrays import RGBPixels
 from nearfar.constants import Constants
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import Nearest
+from nearfar.features.nearest import Nearest
 from nearfar.geometry.homography import outline, transform
 from nearfar.imaging.mask import MaskedImage, PixelMask, usable
 from nearfar.landmarks import LandmarkMatches

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from nearfar.arrays import Coordinates, IndexPairs, Mask
 from nearfar.constants import DEFAULT, VoteConstants
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import Nearest, first_of_each_cell
+from nearfar.features.matching import first_of_each_cell
+from nearfar.features.nearest import Nearest
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 
 

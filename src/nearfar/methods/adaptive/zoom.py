@@ -10,7 +10,7 @@ from nearfar.constants import DEFAULT, ZoomConstants
 from nearfar.features.detection import detect_rootsift
 from nearfar.features.guided import Gate, nearest_within
 from nearfar.features.keypoints import Keypoints
-from nearfar.features.matching import Nearest, mutual_by_ratio
+from nearfar.features.nearest import Nearest, mutual_by_ratio
 from nearfar.geometry.homography import local_scale, scaling, transform, translation
 from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import warped
