@@ -304,7 +304,7 @@ def test_rows_of_a_run_come_failures_first(server: Server, images: tuple[Path, P
     assert run["rows"][0]["near"] is None
     failed, found = run["rows"]
     assert (found["inliers"], found["matches"], found["scale_change"]) == (30, 41, 2.5)
-    assert (found["seconds"], found["error"], found["right"]) == (1.5, 0.4, True)
+    assert (found["seconds"], found["error"], found["correct"]) == (1.5, 0.4, True)
     assert (failed["inliers"], failed["seconds"], failed["reason"]) == (None, None, "few")
 
 

@@ -40,7 +40,7 @@ def test_a_map_of_format_1(
     assert upgraded.images[0].size == -1
     before = content(old)
     os.utime(photos / "coins.png", (1e9, 1e9))
-    monkeypatch.setattr(build, "_described", None)
+    monkeypatch.setattr(build, "open_image", None)
     assert upgraded.add([photos / "coins.png"]).unchanged == 1
     assert upgraded.images[0].modified == 10**18
 

@@ -29,7 +29,7 @@ class RunRow:
         method: name of the method, with its descriptor.
         model: kind of model.
         status: "localized", "failed" or "error".
-        right: whether the answer is correct by the strict limit.
+        correct: whether the answer is correct by the strict limit.
         error: error in pixels, or degrees for a pose.
         confidence: calibrated confidence of the answer.
         scale_change: scale change of the estimate.
@@ -51,7 +51,7 @@ class RunRow:
     method: str
     model: str
     status: str
-    right: bool
+    correct: bool
     error: float | None
     confidence: float | None
     scale_change: float | None
@@ -158,7 +158,7 @@ def _row(benchmark: str, result: Result, folder: Path, library: Library) -> RunR
         method=result.method,
         model=result.model,
         status=result.status,
-        right=result.strict,
+        correct=result.strict,
         error=result.error,
         confidence=result.measures.get("confidence"),
         scale_change=_number(result.row, "scale_change"),

@@ -92,12 +92,7 @@ def add_images(
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
     left_out = _left_out(named)
-    tasks = []
-    for name, file in named.items():
-        old = known.get(name)
-        usable = old if old is not None and old.usable else None
-        if usable is None or not has_state(usable, state_of(file)):
-            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings))
+    tasks = _changed(named, known, store, settings)
     meter.skipped = len(named) - len(tasks)
     progress(meter.skipped, len(named))
     described: list[MapImage] = []
@@ -128,6 +123,22 @@ def add_images(
         tuple(sorted(failed)),
         meter.metrics(),
     )
+
+
+def _changed(
+    named: dict[str, Location],
+    known: dict[str, MapImage],
+    store: MapStore,
+    settings: Settings,
+) -> list[_Task]:
+    """Return the images to describe: new ones, and those whose file is not as the map knows it."""
+    tasks = []
+    for name, file in named.items():
+        old = known.get(name)
+        usable = old if old is not None and old.usable else None
+        if usable is None or not has_state(usable, state_of(file)):
+            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings))
+    return tasks
 
 
 def _left_out(named: dict[str, Location]) -> dict[str, str]:

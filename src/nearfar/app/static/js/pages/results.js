@@ -58,11 +58,11 @@ async function chooseRun(main) {
     } }, icon("folder"), "Another folder")));
 }
 
-/** @returns {{text: string, kind: string, rank: number}} wrong answers that look right come first */
+/** @returns {{text: string, kind: string, rank: number}} incorrect answers that look correct come first */
 function outcome(row) {
   if (row.status === "error") return { text: "Error", kind: "bad", rank: 1 };
   if (row.status !== "localized") return { text: "Not found", kind: "warn", rank: 2 };
-  return row.right ? { text: "Right", kind: "good", rank: 3 } : { text: "Wrong", kind: "bad", rank: 0 };
+  return row.correct ? { text: "Correct", kind: "good", rank: 3 } : { text: "Incorrect", kind: "bad", rank: 0 };
 }
 
 const view = { sort: "outcome", down: false, text: "", method: "", failures: false, shown: PAGE };
@@ -71,7 +71,7 @@ function chosenRows(run) {
   const read = COLUMNS.find(([name]) => name === view.sort)[2];
   const wanted = view.text.toLowerCase();
   const rows = run.rows.map((row, index) => ({ row, index })).filter(({ row }) =>
-    (!view.method || row.method === view.method) && (!view.failures || !row.right)
+    (!view.method || row.method === view.method) && (!view.failures || !row.correct)
     && (!wanted || `${row.case} ${row.reason ?? ""}`.toLowerCase().includes(wanted)));
   const sign = view.down ? -1 : 1;
   return rows.sort((a, b) => {
@@ -100,8 +100,8 @@ function showTable(main, ref, run) {
     head.querySelectorAll("button")[i].focus();
   } }, name === "error" ? `Error, ${units}` : text))));
   const draw = () => {
-    const rows = chosenRows(run), right = rows.filter(({ row }) => row.right).length;
-    summary.textContent = `${right} of ${rows.length} right` + (run.skipped ? `; ${run.skipped} damaged lines left out` : "") + (run.complete ? "" : "; only the first rows are shown");
+    const rows = chosenRows(run), correct = rows.filter(({ row }) => row.correct).length;
+    summary.textContent = `${correct} of ${rows.length} correct` + (run.skipped ? `; ${run.skipped} damaged lines left out` : "") + (run.complete ? "" : "; only the first rows are shown");
     fill(body, rows.length ? rows.slice(0, view.shown).map(({ row, index }) => tableRow(ref, row, index))
       : h("tr", {}, h("td", { colSpan: COLUMNS.length, class: "quiet" }, "No row fits.")));
     fill(more, rows.length > view.shown && h("button", { type: "button", onclick: () => { view.shown += PAGE; draw(); } }, `Show more of ${rows.length}`));
