@@ -1,6 +1,10 @@
 """Shared fixtures: real photographs with known truth, and the optional extra data."""
 
 import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # Before libraries start threads: pytest runs as
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")  # many processes as there are cores.
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`nearfar localize` as a person calls it: output, exit status, one line for each error."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -19,6 +21,18 @@ Files = tuple[Path, Path]
 
 
 def nearfar(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process, which is much faster than a new one."""
+    words = [*map(str, arguments)]
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()) as err,
+    ):
+        status = main(words)
+    return subprocess.CompletedProcess(words, status, out.getvalue(), err.getvalue())
+
+
+def program(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command in a new process, whose output also has what C libraries print."""
     command = [sys.executable, "-m", "nearfar", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
@@ -39,7 +53,7 @@ def write(path: Path, array: np.ndarray) -> Path:
 
 def test_json_follows_the_contract(known_files: Files, known_pair: KnownPair) -> None:
     far, near = known_files
-    result = nearfar("localize", far, near, "--method", "sift", "--json")
+    result = program("localize", far, near, "--method", "sift", "--json")
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     answer = json.loads(result.stdout)
@@ -93,8 +107,8 @@ def test_text_and_pictures(known_files: Files, tmp_path: Path) -> None:
 
 def test_failure_is_a_valid_answer(tmp_path: Path, photograph: Callable[[str], RGBPixels]) -> None:
     coffee, cat = (
-        write(tmp_path / "a.png", photograph("coffee")[::2, ::2]),
-        write(tmp_path / "b.png", photograph("chelsea")[::2, ::2]),
+        write(tmp_path / "a.png", photograph("coffee")[::3, ::3]),
+        write(tmp_path / "b.png", photograph("chelsea")[::3, ::3]),
     )
     flat = write(tmp_path / "flat.png", np.full((50, 60, 3), 7, np.uint8))
     tiny = write(tmp_path / "tiny.png", np.zeros((1, 1, 3), np.uint8))
@@ -132,7 +146,7 @@ def test_images_that_cannot_be_read(known_files: Files, tmp_path: Path) -> None:
     truncated.write_bytes(near.read_bytes()[:5000])
     foreign.write_text("no image")
     assert_bad_input(nearfar("localize", far, tmp_path / "missing.png"), "missing.png", "not exist")
-    assert_bad_input(nearfar("localize", far, truncated), "cut.png")
+    assert_bad_input(program("localize", far, truncated), "cut.png")
     assert_bad_input(nearfar("localize", foreign, near), "text.jpg")
     assert_bad_input(nearfar("localize", far, tmp_path), "folder")
     assert_bad_input(nearfar("localize", far, near, "--max-pixels", 1000), "--max-pixels")

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 STORY = Path(__file__).parents[2] / "docs" / "notebooks" / "story.ipynb"
+PHOTOGRAPHS = '("astronaut.png", "chelsea.png", "coffee.png")'
+"""Photographs of the benchmark, in the cell that runs it."""
 MOST_BYTES = 1_500_000
 ABSOLUTE_PATH = re.compile(r"""(?:^|[\s"'(=])(?:/[\w.-]+/[\w./-]+|[A-Za-z]:\\)""", re.MULTILINE)
 
@@ -67,13 +69,15 @@ def test_absolute_paths_are_told_from_other_text(text: str, found: bool) -> None
 def test_it_runs_from_a_clean_kernel(
     stored: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a minute of one core."""
+    """With one of the three photographs of its benchmark, which is what takes its time."""
     for package in ("ipykernel", "lancedb", "matplotlib", "scipy", "skimage"):
         pytest.importorskip(package)
     nbclient = pytest.importorskip("nbclient")
     nbformat = pytest.importorskip("nbformat")
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     notebook = nbformat.reads(STORY.read_text(encoding="utf-8"), as_version=4)
+    (benchmark,) = [cell for cell in code_cells(notebook) if PHOTOGRAPHS in cell["source"]]
+    benchmark["source"] = benchmark["source"].replace(PHOTOGRAPHS, '("coffee.png",)')
     resources = {"metadata": {"path": str(tmp_path)}}
     nbclient.NotebookClient(notebook, timeout=400, resources=resources).execute()
     assert kinds(notebook) == kinds(stored)

@@ -1,5 +1,6 @@
 import dataclasses
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,25 @@ def trained(
     return dict(train(photographs[:3], photographs[3:], configuration, out, jobs=0).state_dict())
 
 
+@pytest.fixture(scope="module")
+def finished(
+    photographs: list[Photograph], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any]]:
+    """The folder of a training of a few steps, and its weights."""
+    folder = tmp_path_factory.mktemp("training") / "finished"
+    return folder, trained(photographs, folder)
+
+
+@pytest.fixture
+def copied(finished: tuple[Path, dict[str, Any]], tmp_path: Path) -> Path:
+    """A copy of the folder of a training, which a test may change."""
+    return shutil.copytree(finished[0], tmp_path / "copied")
+
+
 def test_resumed_training_ends_like_one_in_a_go(
-    photographs: list[Photograph], tmp_path: Path
+    photographs: list[Photograph], finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    whole = trained(photographs, tmp_path / "whole")
+    _, whole = finished
 
     def stop(step: int, _row: object) -> None:
         if step == 5:
@@ -52,9 +68,10 @@ def test_resumed_training_ends_like_one_in_a_go(
 
 
 def test_same_seed_same_network_another_seed_another(
-    photographs: list[Photograph], tmp_path: Path
+    photographs: list[Photograph], finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    one, same = (trained(photographs, tmp_path / name) for name in ("one", "same"))
+    _, one = finished
+    same = trained(photographs, tmp_path / "same")
     other = trained(photographs, tmp_path / "other", dataclasses.replace(FEW, seed=1))
     weight = "landmark.weight"
     assert torch.equal(one[weight], same[weight])
@@ -69,17 +86,14 @@ def test_losses_fall(photographs: list[Photograph], tmp_path: Path) -> None:
     assert rows[-1]["cell_recall"] > 3 / 600
 
 
-def test_folder_of_another_training_is_refused(
-    photographs: list[Photograph], tmp_path: Path
-) -> None:
-    trained(photographs, tmp_path)
-    before = (tmp_path / CHECKPOINT).read_bytes()
+def test_folder_of_another_training_is_refused(photographs: list[Photograph], copied: Path) -> None:
+    before = (copied / CHECKPOINT).read_bytes()
     for configuration in (dataclasses.replace(FEW, seed=2), dataclasses.replace(FEW, steps=8)):
         with pytest.raises(TrainingError, match="another configuration"):
-            trained(photographs, tmp_path, configuration)
+            trained(photographs, copied, configuration)
     with pytest.raises(TrainingError, match="other photographs"):
-        train(photographs[:2], photographs[3:], FEW, tmp_path, jobs=0)
-    assert (tmp_path / CHECKPOINT).read_bytes() == before
+        train(photographs[:2], photographs[3:], FEW, copied, jobs=0)
+    assert (copied / CHECKPOINT).read_bytes() == before
 
 
 def test_a_full_disk_keeps_the_checkpoint_before(
@@ -112,14 +126,13 @@ def test_configuration_is_checked(name: str) -> None:
         Configuration(**{name: 0})  # type: ignore[arg-type]
 
 
-def test_damaged_folders_are_named(photographs: list[Photograph], tmp_path: Path) -> None:
-    trained(photographs, tmp_path)
-    (tmp_path / CHECKPOINT).write_bytes(bytes(range(256)) * 4)
+def test_damaged_folders_are_named(photographs: list[Photograph], copied: Path) -> None:
+    (copied / CHECKPOINT).write_bytes(bytes(range(256)) * 4)
     with pytest.raises(TrainingError, match=CHECKPOINT):
-        trained(photographs, tmp_path)
-    (tmp_path / CONFIGURATION).write_bytes(bytes(range(256)))
+        trained(photographs, copied)
+    (copied / CONFIGURATION).write_bytes(bytes(range(256)))
     with pytest.raises(TrainingError, match="another configuration"):
-        trained(photographs, tmp_path)
+        trained(photographs, copied)
 
 
 def test_without_validation_photographs_there_is_no_recall(
