@@ -66,6 +66,36 @@ def test_pose_of_cameras_with_different_intrinsics(seed: int) -> None:
     assert np.linalg.norm(estimate.far_from_near.translation) == pytest.approx(1)
 
 
+@pytest.mark.parametrize(("share", "agrees"), [(0.7, True), (1.4, False)])
+def test_the_threshold_of_a_pose_is_in_pixels_of_the_mean_focal_length(
+    share: float, agrees: bool
+) -> None:
+    views = two_views(np.random.default_rng(5), right=100, wrong=0, noise=0)
+    threshold, moved = 2.0, 10
+    far_rays = rays(views.far, views.far_intrinsics)
+    near_rays = rays(views.near, views.near_intrinsics)
+    x, y, z = views.pose.translation
+    essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ views.pose.rotation
+    far_lines = (near_rays @ essential.T)[:, :2]
+    near_lines = (far_rays @ essential)[:, :2]
+    length = np.linalg.norm(far_lines, axis=1)
+    focals = [each[[0, 1], [0, 1]].mean() for each in (views.far_intrinsics, views.near_intrinsics)]
+    wanted = share * threshold / np.mean(focals)  # Sampson's distance for a focal length of 1.
+    away = wanted * np.hypot(length, np.linalg.norm(near_lines, axis=1)) / length
+    far = views.far.copy()
+    shift = (away / length)[:, np.newaxis] * far_lines * views.far_intrinsics[[0, 1], [0, 1]]
+    far[:moved] += shift[:moved]
+    pose = Task("pose", views.far_intrinsics, views.near_intrinsics)
+    estimate = ransac(inlier_threshold=threshold).estimate(far, views.near, pose)
+    assert estimate.inliers[moved:].all()
+    assert (estimate.inliers[:moved] == agrees).all()
+
+
+def rays(xy: Coordinates, intrinsics: np.ndarray) -> Coordinates:
+    """(N, 3) directions with z = 1."""
+    return np.asarray(np.column_stack([xy, np.ones(len(xy))]) @ np.linalg.inv(intrinsics).T)
+
+
 @given(seeds)
 @settings(max_examples=30)
 def test_fundamental_matrix_relates_near_to_far(seed: int) -> None:
