@@ -28,7 +28,7 @@ def app_command(
     max_pixels: int = 100_000_000,
     open_browser: Annotated[Flag, Parameter(name="--open")] = False,
 ) -> None:
-    """Localize, look at benchmark results and annotate in a web page of this machine.
+    """Open the local web app: localize, inspect benchmark results, and annotate.
 
     Images, maps and results in FOLDERS and folders below can be opened; nothing else of the disk
     can. Ends with Ctrl+C.

@@ -42,7 +42,7 @@ def demo_command(*, out: Path = Path("nearfar-demo")) -> int:
 
     Works offline, on real photographs that ship inside scikit-image.
 
-    Exit status: 0 when a method is right within 3 pixels, 3 when none is, 2 bad input or usage.
+    Exit status: 0 if a method is correct within 3 pixels, 3 if none is, 2 bad input or usage.
 
     Args:
         out: Folder for the images and the pictures.

@@ -54,8 +54,8 @@ def build_command(
 ) -> None:
     """Make a map of IMAGES, or complete one.
 
-    Images that are in the map already are left. Images that have changed are replaced. A build that
-    was stopped goes on where it was.
+    Images that are already in the map and have not changed are skipped. Images that have changed
+    are replaced. A build that was stopped is resumed.
 
     Args:
         images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
@@ -95,7 +95,7 @@ def add_command(
 
 @map_app.command(name="remove")
 def remove_command(folder: MapFolder, names: list[str], /) -> None:
-    """Remove images from a map; their files are left.
+    """Remove images from a map; their files are kept.
 
     Args:
         folder: Folder of the map.
@@ -165,7 +165,7 @@ def upgrade_command(folder: MapFolder, /) -> None:
 def unlock_command(folder: MapFolder, /) -> None:
     """Remove the lock of a process that was killed while it wrote to a map in object storage.
 
-    Make sure that the process does not run any more. Two writers can leave images without
+    First make sure that the process has ended. Two writers can leave images without
     landmarks, which `nearfar map check` reports.
 
     Args:
