@@ -52,7 +52,10 @@ def test_tab_goes_through_the_localize_page_as_it_is_read(page: Page, files: Fil
     page.open("#/localize")
     page.find("#localize")
     page.choose(files)
-    chosen = ["Remove the far image", *SWAP, "Remove the near image", *CHOICES, "Localize"]
+    far, near = (
+        [f"Mask of the {role} image", f"Remove the {role} image"] for role in ("far", "near")
+    )
+    chosen = [*far, *SWAP, *near, *CHOICES, "Localize"]
     full = [*FRAME, *BUTTONS, *chosen]
     assert names_along(page, len(full)) == full
     page.press(Keys.TAB, holding=Keys.SHIFT)

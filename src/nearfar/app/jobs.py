@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
-from nearfar.app.process import Message
+from nearfar.app.process import Areas, Message
 from nearfar.runtime import logs
 from nearfar.settings import Effort
 
@@ -31,6 +31,8 @@ class LocalizeRequest(Message):
         near: the near image.
         model: kind of model.
         max_effort: the last step to try.
+        far_mask: areas of the far image that are left out.
+        near_mask: areas of the near image that are left out.
     """
 
     kind: Literal["localize"] = "localize"
@@ -38,6 +40,8 @@ class LocalizeRequest(Message):
     near: Reference
     model: Literal["homography", "fundamental"] = "homography"
     max_effort: Effort = "views"
+    far_mask: Areas = ()
+    near_mask: Areas = ()
 
 
 class LocateRequest(Message):

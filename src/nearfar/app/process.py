@@ -25,6 +25,13 @@ class Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+Number = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+Area = Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=200)]
+"""Corners [x, y] of a polygon, in pixels of the original image."""
+Areas = Annotated[tuple[Area, ...], Field(max_length=50)]
+"""Polygons of an image that are left out."""
+
+
 class LocalizePair(Message):
     """Localize a pair.
 
@@ -36,11 +43,15 @@ class LocalizePair(Message):
         max_pixels: see `Settings`.
         result: file to write the answer to.
         matches: file to write all matched points to.
+        far_mask: areas of the far image that are left out.
+        near_mask: areas of the near image that are left out.
     """
 
     kind: Literal["localize"] = "localize"
     far: Path
     near: Path
+    far_mask: Areas = ()
+    near_mask: Areas = ()
     model: Literal["homography", "fundamental"]
     max_effort: Effort
     max_pixels: int

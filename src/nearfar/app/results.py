@@ -184,7 +184,8 @@ def map_result(found: MapLocalization, files: Mapping[str, str]) -> Json:
         files: image name -> path, for the images of the map.
     """
     return found.to_dict() | {
-        "answers": [_map_answer(answer, files[answer.image]) for answer in found.answers]
+        "answers": [_map_answer(answer, files[answer.image]) for answer in found.answers],
+        "candidates": [each.to_dict() | {"file": files[each.image]} for each in found.candidates],
     }
 
 

@@ -141,6 +141,8 @@ class Runner:
                 max_pixels=max_pixels,
                 result=result,
                 matches=self._store.matches_file(job),
+                far_mask=request.far_mask,
+                near_mask=request.near_mask,
             )
         return LocateInMap(
             folder=library.folder(request.folder),

@@ -5,11 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from nearfar.app.files import write_whole
 from nearfar.app.formats import read_matches, write_matches
 from nearfar.app.process import (
+    Areas,
     AttemptReport,
     Ended,
     ExportAnswer,
@@ -64,7 +67,14 @@ class Worker:
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._notify_stage, self._notify_step)
-        found = self._localizer.localize(task.far, task.near, model=task.model, watcher=steps)
+        found = self._localizer.localize(
+            task.far,
+            task.near,
+            model=task.model,
+            far_mask=mask_of(task.far, task.far_mask, task.max_pixels),
+            near_mask=mask_of(task.near, task.near_mask, task.max_pixels),
+            watcher=steps,
+        )
         write_matches(task.matches, found.points)
         _write(task.result, localization_result(found, steps.best, settings))
         if not found.localized:
@@ -84,7 +94,8 @@ class Worker:
                 "folder of the photographs as well"
             )
         found = map_.locate(task.query, top=task.top, candidates=task.candidates)
-        files = {answer.image: str(file_of(answer.image, task.folder)) for answer in found.answers}
+        shown = {each.image for each in found.answers} | {each.image for each in found.candidates}
+        files = {image: str(file_of(image, task.folder)) for image in shown}
         _write(task.result, map_result(found, files))
         if not found.located:
             return Ended(summary="not found")
@@ -96,6 +107,30 @@ class Worker:
     def _notify_step(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
+
+
+def mask_of(file: Path, areas: Areas, max_pixels: int) -> NDArray[np.uint8] | None:
+    """Return the mask of an image without some areas; None where there are none.
+
+    Args:
+        file: the image.
+        areas: polygons that are left out, in pixels of the image as displayed.
+        max_pixels: see `Settings`.
+
+    Returns:
+        (height, width) of the image, 0 in the areas.
+
+    Raises:
+        ImageError: the image cannot be read.
+    """
+    if not areas:
+        return None
+    image = read_image(file, max_pixels=max_pixels)
+    mask = np.full((image.height, image.width), 255, np.uint8)
+    for area in areas:
+        # Each alone: where two areas overlap, both are left out.
+        cv2.fillPoly(mask, [np.rint(np.array(area)).astype(np.int32)], 0)
+    return mask
 
 
 def _is_served(file: Location, task: LocateInMap) -> bool:

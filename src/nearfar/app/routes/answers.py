@@ -52,7 +52,9 @@ def get_result(held: Held, job_id: str) -> dict[str, Any]:
         found["far"]["path"], found["near"]["path"] = names.far, names.near
         return result
     result["query"]["path"] = held.library.name(request.query)
-    for answer in result["answers"]:
+    for answer in (*result["answers"], *result["candidates"]):
+        if "file" not in answer:  # A candidate of a job of an older version.
+            continue
         answer["far"] = held.library.reference(Path(answer.pop("file")))
     return result
 

@@ -3,11 +3,14 @@
 import { imageInfo, pictureAddress, sendImage } from "./api.js";
 import { fill, h, icon, iconButton } from "./dom.js";
 import { pickImage } from "./file-picker.js";
+import { drawMask } from "./mask-editor.js";
 
 export class ImageSlot extends EventTarget {
-  /** @param {string} title @param {string} hint */
-  constructor(title, hint) {
+  /** @param {string} title @param {string} hint @param {boolean} masks whether parts can be left out */
+  constructor(title, hint, masks = false) {
     super();
+    this.masks = masks;
+    this.areas = [];
     this.title = title;
     this.hint = hint;
     this.image = null;
@@ -46,15 +49,24 @@ export class ImageSlot extends EventTarget {
     }
   }
 
-  set(image) {
+  /** @param {number[][][]} areas that are left out of it, polygons */
+  set(image, areas = []) {
     this.image = image;
+    this.areas = areas;
     if (!image) this.#empty();
     else fill(this.body,
       h("img", { src: pictureAddress(image.ref), alt: `${this.title}: ${image.name}` }),
       h("div", { class: "slot-caption" },
         h("div", {}, h("b", {}, this.title), h("span", { class: "quiet", title: image.name }, `${image.name} · ${image.width} × ${image.height}`)),
+        this.masks && h("button", { type: "button", class: "small", "aria-label": `Mask of the ${this.title.toLowerCase()}`, onclick: () => this.#mask() },
+          areas.length ? `Mask (${areas.length})` : "Mask…"),
         iconButton("close", `Remove the ${this.title.toLowerCase()}`, () => this.set(null))));
     this.dispatchEvent(new Event("change"));
+  }
+
+  async #mask() {
+    const drawn = await drawMask(this.image, this.areas);
+    if (drawn) this.set(this.image, drawn);
   }
 
   async #pick() {
@@ -65,6 +77,7 @@ export class ImageSlot extends EventTarget {
   #empty(problem = "") {
     const had = this.image;
     this.image = null;
+    this.areas = [];
     this.input.value = "";
     fill(this.body, h("div", { class: "slot-empty" },
       icon("image"), h("h2", {}, this.title), h("p", { class: "quiet" }, this.hint),

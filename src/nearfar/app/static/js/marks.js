@@ -27,6 +27,26 @@ export function polygon(context, view, points, colour = COLOURS.outline, width =
   stroke(context, colour, width, path);
 }
 
+/** Areas that are left out, shaded. */
+export function areas(context, view, polygons) {
+  const path = new Path2D();
+  for (const points of polygons) {
+    points.map((p) => view.toScreen(p)).forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
+    path.closePath();
+  }
+  context.fillStyle = "rgba(10, 14, 18, 0.62)";
+  context.fill(path);
+  if (polygons.length) stroke(context, COLOURS.target, 1.2, path);
+}
+
+/** Outlines of places that nothing confirms: dashed, with their numbers. */
+export function unverified(context, view, outlines, chosen) {
+  context.setLineDash([7, 5]);
+  outlines.forEach((points, i) => points && polygon(context, view, points, COLOURS.suggestion, i === chosen ? 3.5 : 1.8));
+  context.setLineDash([]);
+  outlines.forEach((points, i) => points && label(context, view, points[0], String(i + 1), COLOURS.suggestion));
+}
+
 /** The top edge of the near image, so that its rotation can be seen. */
 export function topEdge(context, view, [first, second], colour = COLOURS.outline) {
   const path = new Path2D();

@@ -5,7 +5,7 @@ import { CanvasView } from "./canvas-view.js";
 import { h, iconButton, refill } from "./dom.js";
 import { bounds, distance, footprint, transform } from "./geometry.js";
 import { Linked } from "./linked.js";
-import { COLOURS, box, cross, dots, polygon, ring, topEdge } from "./marks.js";
+import { COLOURS, areas, box, cross, dots, polygon, ring, topEdge, unverified } from "./marks.js";
 import { MatchCard } from "./match-card.js";
 import { drawMatchLines } from "./match-lines.js";
 import { warpedOverlay } from "./overlay.js";
@@ -29,6 +29,8 @@ function dotRadius(view, points) {
  * @property {{name: string, far: number[][], near: number[][], inliers: number[], answer: boolean}[]} steps
  * @property {{far: number[], near: number[], similarity: number}[]} landmarks
  * @property {number|null} scaleChange
+ * @property {{far: number[][][], near: number[][][]}} [masks] areas that were left out
+ * @property {number[][][]} [candidates] homographies of places that nothing confirms
  */
 export class PairViewer {
   constructor() {
@@ -53,6 +55,8 @@ export class PairViewer {
     this.swipe = 0.5;
     this.step = null;
     this.highlight = null;
+    this.candidates = [];
+    this.chosenCandidate = null;
     this.far.layers.push((context, view) => this.#drawFar(context, view));
     this.near.layers.push((context, view) => this.#drawNear(context, view));
     for (const view of [this.far, this.near]) {
@@ -67,6 +71,8 @@ export class PairViewer {
     this.data = data;
     this.overlay = null;
     this.farFootprint = null;
+    this.candidates = [];
+    this.chosenCandidate = null;
     this.step = data.steps.find((each) => each.answer)?.name ?? data.steps[0]?.name ?? null;
     if (!data.homography && data.steps.length) this.state.differs = true;
     this.far.say("Loading…");
@@ -77,6 +83,7 @@ export class PairViewer {
     const both = !sizes.includes(null);
     this.linked.setModel(both ? data.homography : null);
     this.farFootprint = both && data.homography ? footprint(data.homography, sizes[1]) : null;
+    this.candidates = both ? (data.candidates ?? []).map((each) => footprint(each, sizes[1])) : [];
     this.setMode(this.farFootprint ? this.mode : "side");
     if (both) this.element.dataset.ready = "true";
   }
@@ -122,6 +129,16 @@ export class PairViewer {
     if (!this.farFootprint) return;
     this.far.lookAtBox(bounds(this.farFootprint));
     this.near.fit();
+  }
+
+  /** Show a place that nothing confirms. */
+  zoomToCandidate(index) {
+    const points = this.candidates[index];
+    if (!points) return;
+    this.chosenCandidate = index;
+    this.setMode("side");
+    this.far.lookAtBox(bounds(points));
+    this.#redraw();
   }
 
   /** The size of an image that is shown; null where it cannot be, or another pair is shown meanwhile. */
@@ -235,6 +252,8 @@ export class PairViewer {
     } else if (this.overlay) {
       this.#drawOverlay(context, view);
     }
+    if (this.mode === "side") areas(context, view, this.data.masks?.far ?? []);
+    unverified(context, view, this.candidates, this.chosenCandidate);
     if (this.state.outline && this.farFootprint) {
       polygon(context, view, this.farFootprint);
       topEdge(context, view, this.farFootprint);
@@ -245,6 +264,7 @@ export class PairViewer {
 
   #drawNear(context, view) {
     const chosen = this.#chosen();
+    areas(context, view, this.data.masks?.near ?? []);
     if (chosen) this.#drawMatches(context, view, chosen.near, chosen.inliers);
     if (this.state.landmarks) this.#drawLandmarks(context, view, "near");
     this.#drawHover(context, view, "near");

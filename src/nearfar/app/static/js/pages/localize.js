@@ -17,7 +17,7 @@ export async function localizePage(main, [id], signal) {
 
 async function start(main) {
   const { efforts } = await get("/api/about");
-  const slots = pairOfSlots();
+  const slots = pairOfSlots(true);
   const model = h("select", { id: "model" },
     h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
     h("option", { value: "fundamental" }, "Scene with depth"));
@@ -27,7 +27,7 @@ async function start(main) {
     if (go.disabled) return;
     go.disabled = true;
     try {
-      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value });
+      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value, far_mask: slots.far.areas, near_mask: slots.near.areas });
       location.hash = `#/localize/${job.id}`;
     } catch (error) {
       toast(error.message, "error");
@@ -52,11 +52,15 @@ async function start(main) {
   showRecent(recent);
 }
 
-/** Two slots with a button between them that swaps them. */
-export function pairOfSlots() {
-  const far = new ImageSlot("Far image", "The overview: it shows more of the scene, smaller.");
-  const near = new ImageSlot("Near image", "The close-up: it shows the scene larger.");
-  const swap = () => { const [a, b] = [far.image, near.image]; far.set(b); near.set(a); };
+/** Two slots with a button between them that swaps them; parts of the images can be left out where masks are used. */
+export function pairOfSlots(masks = false) {
+  const far = new ImageSlot("Far image", "The overview: it shows more of the scene, smaller.", masks);
+  const near = new ImageSlot("Near image", "The close-up: it shows the scene larger.", masks);
+  const swap = () => {
+    const [a, b] = [[far.image, far.areas], [near.image, near.areas]];
+    far.set(...b);
+    near.set(...a);
+  };
   const element = h("div", { class: "slots" }, far.element, iconButton("swap", "Swap far and near", swap, { class: "icon-button swap" }), near.element);
   return {
     far, near, swap, element,
@@ -88,26 +92,32 @@ function answer(job, signal, again) {
   get(`/api/jobs/${job.id}/result`).then((result) => {
     if (signal.aborted) return;
     const found = result.localization;
-    fill(side, answerFacts(job, result, again));
+    fill(side, answerFacts(job, result, again, viewer));
     viewer.show({
       far: job.request.far, near: job.request.near, homography: found.far_from_near?.homography ?? null,
       steps: result.steps, landmarks: result.landmarks, scaleChange: found.scale_change,
+      masks: { far: job.request.far_mask ?? [], near: job.request.near_mask ?? [] },
+      candidates: (found.candidates ?? []).map((each) => each.homography),
     });
   }).catch((error) => fill(element, notice("The answer cannot be read", error.message, h("button", { type: "button", class: "primary", onclick: again }, "Start again"), "bad")));
   return element;
 }
 
-function answerFacts(job, result, again) {
+function answerFacts(job, result, again, viewer) {
   const found = result.localization, localized = found.status === "localized";
   const total = Object.values(found.seconds).reduce((a, b) => a + b, 0);
   return [
     localized ? h("p", { class: "verdict good" }, icon("check"), "Found") : h("div", { class: "verdict-block" },
       h("p", { class: "verdict warn" }, icon("alert"), "Not found"), h("p", {}, result.explanation),
-      h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, found.reason))),
+      h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, found.reason)),
+      unverifiedPlaces(found.candidates ?? [], viewer)),
     facts([
       ["Scale change", found.scale_change && localized ? `${formatNumber(found.scale_change)}×` : "–"],
       ["Confidence", confidenceText(found.confidence), confidenceMeter(found.confidence)],
       ["Matches that agree", `${found.inliers} of ${found.matches}`],
+      masked(job.request) && ["Left out by masks", masked(job.request)],
+      found.excluded && ["Left out as an overlay", `${found.excluded.matches} matches`],
+      found.alternatives?.length > 0 && ["Places that fit as well", String(found.alternatives.length)],
       localized && found.step && ["Found by", stepName(found.step)],
       ["Time", formatSeconds(total)],
     ]),
@@ -120,6 +130,15 @@ function answerFacts(job, result, again) {
   ];
 }
 
+/** Places that were tried and not accepted: listed, and drawn dashed. */
+function unverifiedPlaces(candidates, viewer) {
+  if (!candidates.length) return null;
+  return h("section", { class: "unverified" }, h("h3", {}, "Unverified places"),
+    h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."),
+    h("div", { class: "ranks" }, candidates.map((each, i) => h("button", { type: "button", class: "rank", onclick: () => viewer.zoomToCandidate(i) },
+      h("b", {}, String(i + 1)), h("span", { class: "rank-name" }, each.score === null ? "not compared" : `${Math.round(100 * each.score)}% looks alike`)))));
+}
+
 function numbers(found) {
   const matrix = found.far_from_near?.homography ?? found.far_from_near?.fundamental;
   return h("div", { class: "numbers" },
@@ -129,6 +148,12 @@ function numbers(found) {
       h("table", { class: "matrix" }, h("tbody", {}, found.footprint.map((corner) => h("tr", {}, corner.map((value) => h("td", {}, value.toFixed(1)))))))],
     h("h3", {}, "Seconds"),
     h("table", { class: "matrix" }, h("tbody", {}, Object.entries(found.seconds).map(([stage, value]) => h("tr", {}, h("th", { scope: "row" }, stage), h("td", {}, value.toFixed(2)))))));
+}
+
+/** How many areas of the images were left out, in words; empty where none was. */
+function masked(request) {
+  const parts = [["far", request.far_mask ?? []], ["near", request.near_mask ?? []]].filter(([, areas]) => areas.length);
+  return parts.map(([role, areas]) => `${areas.length} ${areas.length === 1 ? "area" : "areas"} of the ${role} image`).join(", ");
 }
 
 async function annotate(job) {

@@ -71,18 +71,37 @@ function answers(job, signal) {
   const element = h("div", {}, h("p", { class: "quiet" }, "Loading…"));
   get(`/api/jobs/${job.id}/result`).then((result) => {
     if (signal.aborted) return;
-    if (!result.answers.length) fill(element, notFound(result));
+    if (!result.answers.length) fill(element, notFound(job, result));
     else fill(element, ranked(job, result));
   }).catch((error) => fill(element, notice("The answer cannot be read", error.message, null, "bad")));
   return element;
 }
 
-function notFound(result) {
-  return h("div", {}, notice("Not found",
+function notFound(job, result) {
+  return h("div", {}, unverifiedPlaces(job, result), notice("Not found",
     result.candidates.length
       ? "Some images of the map looked promising, but in none of them the photograph could be placed with confidence."
       : "Nothing in the photograph looks like anything in the map.", null, "warn"),
     candidates(result), h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, result.reason)));
+}
+
+/** The places in refused images that look most like the photograph: listed, and the chosen one drawn dashed. */
+function unverifiedPlaces(job, result) {
+  const places = result.candidates.filter((each) => each.place && each.far).sort((a, b) => (b.place.score ?? 0) - (a.place.score ?? 0));
+  if (!places.length) return null;
+  const viewer = new PairViewer();
+  setShortcuts("Viewer", viewer.shortcuts);
+  const buttons = places.map((each, i) => h("button", { type: "button", class: "rank", "aria-pressed": "false", onclick: () => choose(i) },
+    h("b", {}, String(i + 1)), h("span", { class: "rank-name", title: each.image }, each.image.split("/").at(-1)),
+    h("span", { class: "quiet" }, each.place.score === null ? "not compared" : `${Math.round(100 * each.place.score)}% looks alike`)));
+  const choose = (i) => {
+    buttons.forEach((button, k) => button.setAttribute("aria-pressed", String(k === i)));
+    viewer.show({ far: places[i].far, near: job.request.query, homography: null, steps: [], landmarks: [], scaleChange: null,
+      candidates: [places[i].place.homography] });
+  };
+  choose(0);
+  return h("div", { class: "with-side" }, viewer.element, h("aside", { class: "side unverified", "aria-label": "Unverified places" },
+    h("h3", {}, "Unverified places"), h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."), h("div", { class: "ranks" }, buttons)));
 }
 
 function ranked(job, result) {
