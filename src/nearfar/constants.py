@@ -275,6 +275,9 @@ class AmbiguityConstants:
     """Distance of an alternative from the answer, as a share of the footprint's diagonal."""
     least_agreement: float = 0.85
     """Agreement of an alternative, as a share of the answer's."""
+    equal: float = 0.9
+    """Score from which an alternative gets as large a part of the confidence as the answer: counts
+    of keypoints vary by as much between equal places."""
     least_score: float = 0.6
     """Keypoints that agree with an alternative, as a share of those that agree with the answer."""
 

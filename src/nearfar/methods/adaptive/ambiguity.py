@@ -59,14 +59,32 @@ def alternatives(
     centre = transform(far_from_near, middle[np.newaxis])[0]
     diagonal = float(np.linalg.norm(np.ptp(transform(far_from_near, corners), axis=0)))
     voters = replace(elsewhere, constants=replace(votes, seeds=constants.seeds))
-    found = []
+    found: list[tuple[Coordinates, Alternative]] = []
     for each in hypotheses(voters, constants.most, "votes"):
-        away = np.linalg.norm(transform(each.far_from_near, middle[np.newaxis])[0] - centre)
+        at = transform(each.far_from_near, middle[np.newaxis])[0]
         agreeing = _agrees(matches, each.far_from_near, votes)
         count = _count(matches.near[agreeing])
-        if away > constants.least_distance * diagonal and count >= least:
-            found.append(Alternative(each.far_from_near, min(1.0, count / own)))
-    return tuple(sorted(found, key=lambda each: -each.score))
+        if count >= least:
+            found.append((at, Alternative(each.far_from_near, min(1.0, count / own))))
+    return _distinct(found, centre, constants.least_distance * diagonal)
+
+
+def _distinct(
+    found: list[tuple[Coordinates, Alternative]], centre: Coordinates, apart: float
+) -> tuple[Alternative, ...]:
+    """Return the alternatives at different places, best first.
+
+    Args:
+        found: (2,) far point of the near image's middle, and the alternative.
+        centre: (2,) the same point of the answer.
+        apart: least distance of two places, in far pixels.
+    """
+    taken, kept = [centre], []
+    for at, alternative in sorted(found, key=lambda each: -each[1].score):
+        if min(np.linalg.norm(at - other) for other in taken) > apart:
+            taken.append(at)
+            kept.append(alternative)
+    return tuple(kept)
 
 
 def _reduced_keypoints(

@@ -114,7 +114,8 @@ class Adaptive:
     def _answer(self, pair: Pair, best: Attempt, excluded: Excluded | None) -> Answer:
         agrees = self._checks.agreement(pair, best)
         others = () if agrees is None else self._checks.alternatives(pair, best, agrees)
-        shared = 1 + sum(each.score for each in others)
+        equal = self._constants.ambiguity.equal
+        shared = 1 + sum(min(1.0, each.score / equal) for each in others)
         sure = confidence(pair.task.model, best.log10_nfa) / shared
         found = () if self._suffices(best, sure) else self._checks.candidates(pair)
         return Answer(
