@@ -212,7 +212,14 @@ class LocalizeTask(Task):
 
 def localized_columns(case: Case, localizer: Localizer) -> Row:
     """Localize a case, and return the columns of the answer and of its errors."""
-    found = localizer.localize(case.far, case.near, model=case.model, intrinsics=case.intrinsics)
+    found = localizer.localize(
+        case.far,
+        case.near,
+        model=case.model,
+        intrinsics=case.intrinsics,
+        far_mask=case.far_mask,
+        near_mask=case.near_mask,
+    )
     answer = found.to_dict()
     return {name: answer[name] for name in _KEPT} | evaluate(case, found)
 

@@ -6,9 +6,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from nearfar.arrays import Coordinates
 from nearfar.cli.options import FAILED, Flag, SettingsOptions, WeightOptions, with_weights
 from nearfar.errors import ExportError, SettingsError
 from nearfar.exports import Exporter, Subject, exporter
+from nearfar.geometry.homography import footprint
 from nearfar.geometry.intrinsics import read_intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
@@ -28,6 +30,7 @@ def localize_command(
     near_mask: Path | None = None,
     as_json: Annotated[Flag, Parameter(name="--json")] = False,
     save: Path | None = None,
+    top: int = 1,
     export: Annotated[
         tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
     ] = (),
@@ -48,10 +51,14 @@ def localize_command(
         near_mask: Image as large as NEAR, black where it must not be used.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures.
+        top: Number of places to list and draw: the answer and its alternatives, or the candidates
+            that nothing confirms where it failed. The JSON has all.
         export: Write a file for another tool into the folder of --save: colmap, csv, geojson, hloc,
             kitti, opencv-yaml, png, svg or tum; may be repeated.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
+    if top < 1:
+        raise SettingsError(f"--top must be at least 1, not {top}")
     exporters = [exporter(name) for name in dict.fromkeys(export)]
     if exporters and save is None:
         raise SettingsError("--export needs a folder to write to: --save DIR")
@@ -61,8 +68,9 @@ def localize_command(
     )
     saved = []
     if save is not None:
-        saved = [*save_localization(found, save), *_export(found, exporters, save, intrinsics)]
-    sys.stdout.write((found.to_json() if as_json else _text(found, saved)) + "\n")
+        pictures = save_localization(found, save, top=top)
+        saved = [*pictures, *_export(found, exporters, save, intrinsics)]
+    sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
     return 0 if found.localized else FAILED
 
 
@@ -82,7 +90,27 @@ def _export(
     return written
 
 
-def _text(found: Localization, saved: list[Path]) -> str:
+def _places(found: Localization, top: int) -> list[str]:
+    """Return a line for each alternative, or for each candidate where nothing was found."""
+    near = found.near
+    lines = []
+    for each in found.alternatives[: top - 1]:
+        outline = _corners(footprint(each.far_from_near, near.width, near.height))
+        lines.append(f"alternative: score {each.score:.2f}, outline {outline}")
+    for other in found.candidates[:top]:
+        outline = _corners(footprint(other.far_from_near, near.width, near.height))
+        score = "unknown" if other.score is None else f"{other.score:.2f}"
+        lines.append(f"unverified: score {score}, outline {outline}")
+    return lines
+
+
+def _corners(outline: Coordinates | None) -> str:
+    if outline is None:
+        return "not finite"
+    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in outline)
+
+
+def _text(found: Localization, saved: list[Path], top: int) -> str:
     inliers = int(found.points.inliers.sum())
     agreement = f"{inliers} of {len(found.points)} point matches agree on a "
     lines = [
@@ -97,11 +125,12 @@ def _text(found: Localization, saved: list[Path]) -> str:
         lines.append(f"left out: {found.excluded.matches} matches on an overlay of both pictures")
     if found.alternatives:
         lines.append(f"alternatives: {len(found.alternatives)} other places fit nearly as well")
+    if top > 1:
+        lines += _places(found, top)
     if found.scale_change is not None:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:
-        corners = "  ".join(f"({x:.1f}, {y:.1f})" for x, y in found.footprint)
-        lines.append(f"outline of the near image in the far image: {corners}")
+        lines.append(f"outline of the near image in the far image: {_corners(found.footprint)}")
     model = found.to_dict()["far_from_near"]
     if model is not None:
         for name, value in model.items():

@@ -27,6 +27,7 @@ from nearfar.cli.options import (
 )
 from nearfar.errors import SettingsError
 from nearfar.geometry.intrinsics import read_camera
+from nearfar.imaging.mask_folder import MaskFolder
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
 from nearfar.runtime import logs, require
 from nearfar.runtime.logs import shown_progress
@@ -46,6 +47,7 @@ def build_command(
     /,
     *,
     out: Place,
+    masks: Path | None = None,
     max_size: int | None = None,
     max_pixels: int = DEFAULTS.max_pixels,
     weights: WeightOptions = (),
@@ -61,12 +63,14 @@ def build_command(
         images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
             URLs.
         out: Folder of the map, or its URL (s3://BUCKET/PATH).
+        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH below its folder
+            in IMAGES, as large as the image and black where it must not be used.
         max_size: Longest side in pixels to which images are reduced; by default they are not.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
         weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    _add(out, images, settings, work, world, create=True, max_size=max_size)
+    _add(out, images, settings, work, world, masks=masks, create=True, max_size=max_size)
 
 
 @map_app.command(name="add")
@@ -75,6 +79,7 @@ def add_command(
     images: list[Place],
     /,
     *,
+    masks: Path | None = None,
     max_pixels: int = DEFAULTS.max_pixels,
     weights: WeightOptions = (),
     work: WorkOptions = DEFAULT_WORK,
@@ -86,11 +91,13 @@ def add_command(
         folder: Folder of the map.
         images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
             URLs.
+        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH below its folder
+            in IMAGES, as large as the image and black where it must not be used.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
         weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    _add(folder, images, settings, work, world)
+    _add(folder, images, settings, work, world, masks=masks)
 
 
 @map_app.command(name="remove")
@@ -199,6 +206,7 @@ def locate_command(
     save: Place | None = None,
     geojson: Path | None = None,
     intrinsics: Path | None = None,
+    masks: Path | None = None,
     search: SearchOptions = DEFAULT_SEARCH,
     work: WorkOptions = DEFAULT_WORK,
 ) -> int:
@@ -215,6 +223,8 @@ def locate_command(
             latitude.
         intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
             {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
+        masks: Folder of masks of the queries: NAME.png for a query whose file is NAME, as large as
+            the query and black where it must not be used.
     """
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
@@ -222,9 +232,10 @@ def locate_command(
     from nearfar.cli.map_queries import Query, died, locate_query
 
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
+    folder_of_masks = None if masks is None else MaskFolder.opened(masks)
     run, workers, meter = uuid.uuid4().hex, work.begin("map"), Meter()
     tasks = [
-        Query(query, name, folder, search, camera, save, run)
+        Query(query, name, folder, search, camera, save, run, _mask_of(query, folder_of_masks))
         for query, name in zip(queries, _names(queries), strict=True)
     ]
     located = []
@@ -247,6 +258,10 @@ def locate_command(
     return 0 if all(found.located for found in located) else FAILED
 
 
+def _mask_of(query: Location, masks: MaskFolder | None) -> Path | None:
+    return None if masks is None else masks.mask_of(query.name)
+
+
 def _names(queries: Sequence[Location]) -> list[str]:
     """Return a name for the files of each query; further queries of a name are numbered."""
     names: dict[str, None] = {}
@@ -265,6 +280,7 @@ def _add(
     work: WorkOptions,
     world: WorldOptions,
     *,
+    masks: Path | None = None,
     create: bool = False,
     max_size: int | None = None,
 ) -> None:
@@ -273,7 +289,9 @@ def _add(
     map_ = open_map(folder, create=create, max_size=max_size, settings=settings)
     workers = work.begin("map")
     with shown_progress("images") as show:
-        added = map_.add(images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show)
+        added = map_.add(
+            images, jobs=workers.jobs, scheduler=workers.scheduler, progress=show, masks=masks
+        )
     for name, reason in added.failed:
         _say(f"left out: {name}: {reason}")
     counts = f"{added.added} added, {added.replaced} replaced, {added.unchanged} unchanged"

@@ -2,8 +2,10 @@
 
 import functools
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+from nearfar.arrays import Coordinates
 from nearfar.cli.options import SearchOptions
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
@@ -29,6 +31,7 @@ class Query:
         camera: camera of the query; None where it is not known.
         save: folder for files; None saves none.
         run: id of the run; a worker opens the map once a run.
+        mask: file of the query's mask; None for none.
     """
 
     source: Location
@@ -38,6 +41,7 @@ class Query:
     camera: CameraIntrinsics | None
     save: Location | None
     run: str
+    mask: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,9 @@ def locate_query(query: Query) -> Located:
     try:
         with local_copy(query.source) as file:
             top, candidates = query.search.top, query.search.candidates
-            found = map_.locate(file, top=top, candidates=candidates, intrinsics=query.camera)
+            found = map_.locate(
+                file, top=top, candidates=candidates, intrinsics=query.camera, mask=query.mask
+            )
     except (ImageError, FileNotFoundError) as error:
         missing = isinstance(error, FileNotFoundError)
         return Located(f"{query.source} does not exist" if missing else str(error))
@@ -81,7 +87,7 @@ def locate_query(query: Query) -> Located:
     if query.save is not None:
         with staged(query.save) as folder:
             found.save(folder, query.name)
-    text = _text(found, posing=query.camera is not None)
+    text = _text(found, top, posing=query.camera is not None)
     return Located(None, found.located, found.to_json(), text, tuple(found.features()))
 
 
@@ -96,9 +102,18 @@ def _opened(folder: Location, search: SearchOptions, _: str) -> Map:
     return open_map(folder, settings=search.settings())
 
 
-def _text(found: MapLocalization, *, posing: bool) -> str:
+def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
     if not found.located:
-        return f"{found.query}: not found; {found.reason}"
+        places = sorted(
+            ((each.image, each.place) for each in found.candidates if each.place is not None),
+            key=lambda each: -(each[1].score or 0),
+        )
+        unverified = [
+            f"  unverified: {image}: score {place.score or 0:.2f}, outline in it: "
+            f"{_corners(place.footprint)}"
+            for image, place in places[:top]
+        ]
+        return "\n".join([f"{found.query}: not found; {found.reason}", *unverified])
     lines = [f"{found.query}: located"]
     for answer in found.answers:
         lines.append(
@@ -106,8 +121,10 @@ def _text(found: MapLocalization, *, posing: bool) -> str:
             f"{answer.scale_change:.2f}x, {answer.votes:.1f} votes"
         )
         if answer.footprint is not None:
-            corners = "  ".join(f"({x:.1f}, {y:.1f})" for x, y in answer.footprint)
-            lines.append(f"  outline in it: {corners}")
+            lines.append(f"  outline in it: {_corners(answer.footprint)}")
+        if answer.alternatives:
+            count = len(answer.alternatives)
+            lines.append(f"  {count} other places in it fit nearly as well (--top)")
         if answer.world is not None:
             lines.append(f"  centre: {_geo_text(answer.world)}")
     if found.pose is not None:
@@ -116,6 +133,10 @@ def _text(found: MapLocalization, *, posing: bool) -> str:
         lines.append("  no pose: none of these map images has one (nearfar map add --help)")
     stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in found.seconds.items())
     return "\n".join([*lines, f"  {sum(found.seconds.values()):.2f} s ({stages})"])
+
+
+def _corners(footprint: Coordinates) -> str:
+    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in footprint)
 
 
 def _geo_text(place: GeoPlace) -> str:

@@ -133,7 +133,7 @@ class SearchOptions:
     """How queries are searched in a map."""
 
     top: int = 1
-    """Number of answers to seek."""
+    """Number of answers to seek: places in different map images, or several in one."""
 
     candidates: int = 5
     """Number of candidates to verify geometrically, those with most votes. Where no answer is

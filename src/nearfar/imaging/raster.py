@@ -17,6 +17,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError
 from nearfar.imaging.image import TRANSPARENT_GREY, reduced_size
+from nearfar.imaging.mask import MaskSource, PixelMask, read_mask, reduced, without_border
 from nearfar.imaging.tiles import Tile
 from nearfar.runtime import require
 
@@ -83,7 +84,7 @@ def tiff_header(file: Path) -> TiffHeader | None:
         return None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Raster:
     """A TIFF of which only parts are read.
 
@@ -93,6 +94,7 @@ class Raster:
         height: in pixels.
         bands: numbers, from 1, of the red, green and blue band; three times the same for grey.
         largest: value that becomes 255.
+        masked: (height, width) True where a mask lets pixels be used; None without a mask.
     """
 
     file: Path
@@ -100,6 +102,7 @@ class Raster:
     height: int
     bands: tuple[int, int, int]
     largest: int
+    masked: PixelMask | None = None
 
     def read(self, tile: Tile) -> RGBPixels:
         """Return the pixels of a tile; those without data are mid-grey.
@@ -122,12 +125,34 @@ class Raster:
         pixels[there == 0] = TRANSPARENT_GREY
         return pixels
 
+    def mask(self, tile: Tile) -> PixelMask | None:
+        """Return which pixels of a tile have data and are not masked; None: all.
 
-def open_raster(file: Path) -> Raster:
+        Raises:
+            ImageError: the file cannot be read.
+        """
+        from rasterio.windows import Window
+
+        window = Window(tile.left, tile.top, tile.width, tile.height)
+        size = tile.rows, tile.columns
+        with opened(self.file) as dataset:
+            used = dataset.dataset_mask(window=window, out_shape=size) > 0
+        if self.masked is not None:
+            right, bottom = tile.left + tile.width, tile.top + tile.height
+            own = self.masked[tile.top : bottom, tile.left : right]
+            used &= reduced(own, (tile.columns, tile.rows))
+        return None if used.all() else without_border(used)
+
+
+def open_raster(file: Path, mask: MaskSource | None = None) -> Raster:
     """Return a TIFF whose parts are to be read.
 
+    Args:
+        file: the TIFF.
+        mask: file or array of its size, 0 where it must not be used.
+
     Raises:
-        ImageError: it cannot be read, or is of a kind that is not supported.
+        ImageError: it or its mask cannot be read, or is of a kind that is not supported.
         MissingExtraError: the extra `geo` is not installed.
     """
     with opened(file) as dataset:
@@ -135,7 +160,9 @@ def open_raster(file: Path) -> Raster:
         if kind not in ("uint8", "uint16"):
             raise ImageError(f"{file} has values of type {kind}; convert it to 8 or 16 bits a band")
         largest = 255 if kind == "uint8" else _largest(dataset, bands)
-        return Raster(file, dataset.width, dataset.height, bands, largest)
+        width, height = dataset.width, dataset.height
+        used = None if mask is None else read_mask(mask, (width, height))
+        return Raster(file, width, height, bands, largest, used)
 
 
 def _bands(file: Path, dataset: Any) -> tuple[int, int, int]:

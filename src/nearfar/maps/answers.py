@@ -1,7 +1,7 @@
 """Results of locating a query in a map."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +12,7 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.world.places import DECIMALS, GeoPlace, QueryPose, ring
+from nearfar.models import Alternative, FailureKind
 from nearfar.render import save
 from nearfar.render.alignment import footprint_page
 from nearfar.render.matches import point_matches
@@ -35,6 +36,8 @@ class MapAnswer:
         votes: sum of the weights of the query's landmarks that vote for it.
         points: matched points, in pixels of the original map image (far) and of the query (near).
         world: position of the query on the Earth; None unless the map image is a GeoTIFF.
+        alternatives: other places of the map image that fit nearly as well, best first, in pixels
+            of the query and of the original map image; the confidence is shared among all.
         localization: the query localized in a tile of the map image, in pixels of that tile.
         images: that tile (far) and the query (near).
     """
@@ -49,6 +52,7 @@ class MapAnswer:
     world: GeoPlace | None
     localization: Localization
     images: ImagePair
+    alternatives: tuple[Alternative, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as JSON values."""
@@ -60,6 +64,10 @@ class MapAnswer:
             "confidence": self.confidence,
             "votes": self.votes,
             "world": None if self.world is None else self.world.to_dict(),
+            "alternatives": [
+                {"homography": each.far_from_near.tolist(), "score": each.score}
+                for each in self.alternatives
+            ],
         }
 
     def picture(self) -> RGBPixels:
@@ -88,7 +96,30 @@ class MapAnswer:
         return {"homography": np.asarray(model).tolist()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class UnverifiedPlace:
+    """The place in a refused candidate that looks most like the query.
+
+    Attributes:
+        far_from_near: homography from pixels of the query to pixels of the original map image.
+        footprint: (4, 2) outline of the query in the map image.
+        score: share of the query whose features agree there; None where it is not known.
+    """
+
+    far_from_near: Matrix3
+    footprint: Coordinates
+    score: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the place as JSON values."""
+        return {
+            "homography": self.far_from_near.tolist(),
+            "footprint": self.footprint.tolist(),
+            "score": self.score,
+        }
+
+
+@dataclass(frozen=True, eq=False)
 class VerifiedCandidate:
     """A candidate that was verified geometrically.
 
@@ -98,16 +129,28 @@ class VerifiedCandidate:
         confidence: calibrated probability that the query lies there; 0 where nothing was found or
             the image could not be read.
         reason: why the candidate is no answer; None where it is one.
+        failure: kind of that reason; None where it is an answer or could not be read.
+        place: where the query may still lie in the image, which nothing confirms; None where it is
+            an answer, or nothing is known.
     """
 
     image: str
     votes: float
     confidence: float
     reason: str | None
+    failure: FailureKind | None = None
+    place: UnverifiedPlace | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the candidate as JSON values."""
-        return asdict(self)
+        return {
+            "image": self.image,
+            "votes": self.votes,
+            "confidence": self.confidence,
+            "reason": self.reason,
+            "failure": self.failure,
+            "place": None if self.place is None else self.place.to_dict(),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,16 +198,29 @@ class MapLocalization:
         """Why there is no answer; None where there is one."""
         if self.located:
             return None
-        if not self.candidates:
+        best = self._best
+        if best is None:
             return "no landmark of the image is like one of the map"
-        best = max(self.candidates, key=lambda each: each.confidence)
         return f"none of {len(self.candidates)} candidates; {best.image}: {best.reason}"
+
+    @property
+    def failure(self) -> FailureKind | None:
+        """The kind of that reason; None where there is an answer."""
+        if self.located:
+            return None
+        best = self._best
+        return "nothing-agrees" if best is None else best.failure
+
+    @property
+    def _best(self) -> VerifiedCandidate | None:
+        return max(self.candidates, key=lambda each: each.confidence, default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object that the command line prints with `--json`."""
         return {
             "status": self.status,
             "reason": self.reason,
+            "failure": self.failure,
             "query": {
                 "path": None if self.query is None else str(self.query),
                 "width": self.width,

@@ -2,8 +2,9 @@
 
 import functools
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,9 +13,16 @@ from nearfar.geometry.homography import transform
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.maps.files import content_hash, has_state, name_of, readable_hash, state_of
 from nearfar.maps.images import is_irregular, levels, open_image
-from nearfar.maps.landmarks import LandmarkDescriber, Landmarks, finer_scales, whole_scales
+from nearfar.maps.landmarks import (
+    LandmarkDescriber,
+    Landmarks,
+    finer_scales,
+    unmasked,
+    whole_scales,
+)
+from nearfar.maps.masks import MaskStore, mask_hash, stored_mask
 from nearfar.maps.store import MapStore
-from nearfar.maps.tables import OK, Indexed, MapImage, packed_keypoints
+from nearfar.maps.tables import OK, Indexed, MapImage, StoredMask, packed_keypoints
 from nearfar.runtime.logs import Progress
 from nearfar.runtime.timing import Meter, RunMetrics
 from nearfar.runtime.workers import Workers
@@ -57,6 +65,7 @@ class _Task:
         known: the usable image of this name in the map; None where there is none.
         max_size: see `Manifest`.
         settings: `weights` and `max_pixels` are used.
+        mask: file of its mask; None for none.
     """
 
     file: Location
@@ -64,6 +73,7 @@ class _Task:
     known: MapImage | None
     max_size: int
     settings: Settings
+    mask: Path | None = None
 
 
 def add_images(
@@ -72,6 +82,7 @@ def add_images(
     settings: Settings,
     workers: Workers,
     progress: Progress,
+    masks: Mapping[Location, Path] | None = None,
 ) -> Added:
     """Add files to a map; must be called within `MapStore.writing`.
 
@@ -84,6 +95,8 @@ def add_images(
         settings: `weights` and `max_pixels` are used.
         workers: processes that describe the images.
         progress: is called with the number of images done and of all images.
+        masks: file of the mask of each image that has one; None leaves the images that the map has
+            with the masks that they have.
 
     Raises:
         StorageError: object storage does not answer; images that were committed are kept.
@@ -92,12 +105,13 @@ def add_images(
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
     left_out = _left_out(named)
-    tasks = _changed(named, known, store, settings)
+    mask_store = MaskStore(store.folder)
+    tasks = _changed(named, known, store, settings, masks, mask_store.hashes())
     meter.skipped = len(named) - len(tasks)
     progress(meter.skipped, len(named))
     described: list[MapImage] = []
     same = 0
-    waiting = _Waiting(store)
+    waiting = _Waiting(store, mask_store)
     kept: list[_Kept] = []
     for found in workers.run_in_order(_indexed, tasks, _died, meter):
         if isinstance(found, _Kept):
@@ -111,6 +125,7 @@ def add_images(
         same += isinstance(found, MapImage)
         progress(meter.skipped + meter.done, len(named))
     waiting.commit()
+    mask_store.keep([image.id for image in store.images()])
     usable_images = [image for image in described if image.usable]
     replaced = sum(image.name in known for image in usable_images)
     failed = [(each.name, each.status) for each in described if not each.usable]
@@ -130,15 +145,28 @@ def _changed(
     known: dict[str, MapImage],
     store: MapStore,
     settings: Settings,
+    masks: Mapping[Location, Path] | None,
+    hashes: Mapping[int, str],
 ) -> list[_Task]:
-    """Return the images to describe: new ones, and those whose file is not as the map knows it."""
+    """Return the images to describe: new ones, and those whose file or mask has changed."""
     tasks = []
     for name, file in named.items():
         old = known.get(name)
         usable = old if old is not None and old.usable else None
+        mask = None if masks is None else masks.get(file)
+        if usable is not None and masks is not None:
+            usable = usable if _same_mask(mask, hashes.get(usable.id)) else None
         if usable is None or not has_state(usable, state_of(file)):
-            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings))
+            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings, mask))
     return tasks
+
+
+def _same_mask(mask: Path | None, known: str | None) -> bool:
+    """Return whether a mask is the one that the map has; one that cannot be read is another."""
+    try:
+        return known == (None if mask is None else mask_hash(mask))
+    except ImageError:
+        return False
 
 
 def _left_out(named: dict[str, Location]) -> dict[str, str]:
@@ -160,8 +188,9 @@ def _unfit(name: str, file: Location) -> str | None:
 class _Waiting:
     """Collects images and commits them together."""
 
-    def __init__(self, store: MapStore) -> None:
+    def __init__(self, store: MapStore, masks: MaskStore) -> None:
         self._store = store
+        self._masks = masks
         self._entries: list[Indexed] = []
         self._same: list[MapImage] = []
         self._landmarks = 0
@@ -178,6 +207,9 @@ class _Waiting:
             self.commit()
 
     def commit(self) -> None:
+        self._masks.put(
+            {each.image.id: each.mask for each in self._entries if each.mask is not None}
+        )
         self._store.add(self._entries)
         self._store.put_images(self._same)
         self._entries, self._same, self._landmarks = [], [], 0
@@ -231,19 +263,22 @@ def _described(task: _Task, sha256: str) -> Indexed:
     Raises:
         ImageError: the image cannot be read.
     """
-    photograph = open_image(task.file, task.settings.max_pixels)
+    photograph = open_image(task.file, task.settings.max_pixels, task.mask)
+    size = photograph.width, photograph.height
+    mask = None if task.mask is None else stored_mask(task.mask, size)
     describer = _describer(task.settings)
     tiles, parts = [], []
     for level, members in enumerate(levels(photograph.width, photograph.height, task.max_size)):
         for tile, core in members:
             pixels = photograph.read(tile)
             scales = whole_scales(tile.columns, tile.rows) if level == 0 else finer_scales()
-            parts.append(_in_original(describer.of_map(pixels, scales), tile, core))
-            tiles.append((tile, packed_keypoints(pixels)))
+            used = photograph.mask(tile)
+            found = unmasked(describer.of_map(pixels, scales), used)
+            parts.append(_in_original(found, tile, core))
+            tiles.append((tile, packed_keypoints(pixels, used)))
     landmarks = Landmarks.joined(parts)
-    size = photograph.width, photograph.height
-    image = _image(task, sha256, size, OK, len(landmarks))
-    return Indexed(image, tiles, landmarks)
+    image = _image(task, sha256, size, OK, len(landmarks), mask)
+    return Indexed(image, tiles, landmarks, mask)
 
 
 def _in_original(landmarks: Landmarks, tile: Tile, core: Core) -> Landmarks:
@@ -264,9 +299,16 @@ def _failed(task: _Task, sha256: str, reason: str) -> Indexed:
 
 
 def _image(
-    task: _Task, sha256: str, size: tuple[int, int], status: str, landmarks: int
+    task: _Task,
+    sha256: str,
+    size: tuple[int, int],
+    status: str,
+    landmarks: int,
+    mask: StoredMask | None = None,
 ) -> MapImage:
-    digest = hashlib.sha256(f"{task.name}\0{sha256}".encode()).digest()
+    """Return the row of an image; its id depends on the mask, as its landmarks do."""
+    content = f"{task.name}\0{sha256}" + ("" if mask is None else f"\0{mask.sha256}")
+    digest = hashlib.sha256(content.encode()).digest()
     number = int(np.frombuffer(digest[:8], "<u8")[0] >> 1)
     return MapImage(number, task.name, sha256, *size, status, landmarks)
 

@@ -13,7 +13,7 @@ import weakref
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Protocol, runtime_checkable
 
 import cv2
@@ -24,6 +24,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MapError
 from nearfar.imaging.decoding import FORMATS
 from nearfar.imaging.image import Image, read_image
+from nearfar.imaging.mask import MaskSource, PixelMask, reduced
 from nearfar.imaging.raster import Raster, open_raster, tiff_header
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.render import save
@@ -57,6 +58,14 @@ class Photograph:
         """Height of the original, in pixels."""
         return self.image.height
 
+    def mask(self, tile: Tile) -> PixelMask | None:
+        """Return which pixels of a tile may be used, by transparency and mask; None: all."""
+        if self.image.mask is None:
+            return None
+        right, bottom = tile.left + tile.width, tile.top + tile.height
+        window = self.image.mask[tile.top : bottom, tile.left : right]
+        return None if window.all() else reduced(window, (tile.columns, tile.rows))
+
     def read(self, tile: Tile) -> RGBPixels:
         """Return the pixels of a tile."""
         right, bottom = tile.left + tile.width, tile.top + tile.height
@@ -67,15 +76,19 @@ class Photograph:
         return np.asarray(cv2.resize(window, size, interpolation=cv2.INTER_AREA))
 
 
-def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
+def open_image(
+    file: Location, max_pixels: int, mask: MaskSource | None = None
+) -> Photograph | Raster:
     """Open the image in a file.
 
     Args:
         file: the image; a file in object storage is first copied as a whole.
         max_pixels: largest number of pixels to hold in memory; a larger TIFF is read by tiles.
+        mask: file or array of the image's size, 0 where it must not be used.
 
     Raises:
-        ImageError: the file cannot be read, has more pixels than allowed, or is a GeoTIFF that an
+        ImageError: the file or the mask cannot be read, the mask has another size or leaves
+            nothing, or the file has more pixels than allowed, or is a GeoTIFF that an
             orientation tag turns.
         MissingExtraError: the extra `geo` is not installed, and the file is a GeoTIFF or a TIFF
             with more pixels.
@@ -84,15 +97,15 @@ def open_image(file: Location, max_pixels: int) -> Photograph | Raster:
     if isinstance(file, Url):
         copy = copied(file)
         try:
-            return open_image(copy, max_pixels)
+            return open_image(copy, max_pixels, mask)
         except ImageError as error:
             raise ImageError(str(error).replace(str(copy), str(file))) from None
     header = tiff_header(file)
     if header is not None:
         header.check_upright(file)
         if header.by_tiles(max_pixels):
-            return open_raster(file)
-    return Photograph(read_image(file, max_pixels=max_pixels))
+            return open_raster(file, mask)
+    return Photograph(read_image(file, max_pixels=max_pixels, mask=mask))
 
 
 def copied(file: Location) -> Path:
@@ -152,6 +165,16 @@ class NamedImages:
 
     place: Location
 
+    @property
+    def base(self) -> Location:
+        """The folder that the paths of masks are relative to: without what a pattern may change."""
+        if not isinstance(self.place, Path) or self.place.is_dir():
+            return self.place
+        base = self.place.parent
+        while glob.has_magic(str(base)) and not base.exists():
+            base = base.parent
+        return base
+
     def files(self) -> list[Location]:
         """See `ImageSet.files`."""
         if self.place.is_dir():
@@ -210,12 +233,28 @@ def image_files(images: ImageFiles) -> list[Location]:
 
 def given_files(images: ImageFiles) -> list[Location]:
     """Return the files of images as `image_files` does, and what is no regular file as well."""
-    found: dict[Location, None] = {}
+    return list(named_files(images))
+
+
+def named_files(images: ImageFiles) -> dict[Location, PurePath]:
+    """Return the files of images, each with its path in the folder or pattern that was given."""
+    found: dict[Location, PurePath] = {}
     for each in [images] if isinstance(images, (str, PathLike, Url, ImageSet)) else images:
         chosen = each if isinstance(each, ImageSet) else NamedImages(location(each))
+        base = chosen.base if isinstance(chosen, NamedImages) else None
         for file in chosen.files():
-            found[file.resolve() if isinstance(file, Path) else file] = None
-    return list(found)
+            resolved = file.resolve() if isinstance(file, Path) else file
+            found.setdefault(resolved, _below_base(file, base))
+    return found
+
+
+def _below_base(file: Location, base: Location | None) -> PurePath:
+    """Return the path of a file in a folder; its name alone where it lies elsewhere."""
+    if isinstance(file, Path) and isinstance(base, Path) and file.is_relative_to(base):
+        return file.relative_to(base)
+    if isinstance(file, Url) and isinstance(base, Url) and str(file).startswith(f"{base}/"):
+        return PurePath(str(file).removeprefix(f"{base}/"))
+    return PurePath(file.name)
 
 
 def is_irregular(file: Location) -> bool:

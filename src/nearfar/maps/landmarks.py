@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform, translation
+from nearfar.imaging.mask import PixelMask, usable
 from nearfar.imaging.warp import resized
 from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
 from nearfar.networks.runner import MapNetwork
@@ -30,6 +31,8 @@ SMALL, SMALL_ENLARGED = 800, 2.0
 """Longest side in pixels of images that are enlarged, and the factor of enlargement."""
 LEAST_TEXTURE = 4.0
 """Least standard deviation of the grey values of a window; flatter windows are dropped."""
+MOST_MASKED = 0.25
+"""Share of a window that may be masked; there it shows the colours around the mask."""
 QUERY_SIDES = (400, 283, 200, 141, 100)
 """Longer sides of the levels of a query, in pixels."""
 CHECKERBOARD_FROM = 200
@@ -82,6 +85,32 @@ def whole_scales(width: int, height: int) -> list[float]:
 def finer_scales() -> list[float]:
     """Return the scales of the levels of a tile; a coarser tile shows the levels below them."""
     return [1.0, 1 / STEP]
+
+
+def unmasked(landmarks: Landmarks, mask: PixelMask | None) -> Landmarks:
+    """Return the landmarks of an image of whose window little is masked.
+
+    Args:
+        landmarks: in pixels of the image.
+        mask: of the image; None where every pixel may be used.
+    """
+    if mask is None or not len(landmarks):
+        return landmarks
+    height, width = mask.shape
+    left_out = cv2.integral((~mask).astype(np.uint8)).astype(np.int64)
+    half = landmarks.side[:, np.newaxis] / 2
+    low = np.clip(np.rint(landmarks.centre + 0.5 - half), 0, [width, height]).astype(np.intp)
+    high = np.clip(np.rint(landmarks.centre + 0.5 + half), 0, [width, height]).astype(np.intp)
+    (left, top), (right, bottom) = low.T, high.T
+    masked = (
+        left_out[bottom, right]
+        - left_out[top, right]
+        - left_out[bottom, left]
+        + left_out[top, left]
+    )
+    area = np.maximum(1, (right - left) * (bottom - top))
+    centred = usable(mask, (width, height), np.clip(landmarks.centre, 0, [width - 1, height - 1]))
+    return landmarks[(masked <= MOST_MASKED * area) & centred]
 
 
 class LandmarkDescriber:

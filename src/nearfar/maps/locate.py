@@ -4,22 +4,26 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.homography import footprint, normalized, transform
+from nearfar.geometry.homography import footprint, local_scale, normalized, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
+from nearfar.imaging.mask import MaskedImage, MaskSource, PixelMask
 from nearfar.imaging.warp import resized
-from nearfar.localization import Localization, PointMatches, read_images
+from nearfar.localization import NO_POINTS, Localization, PointMatches, read_images
 from nearfar.localizer import Localizer
-from nearfar.maps.answers import MapAnswer, MapLocalization, VerifiedCandidate
+from nearfar.maps.answers import MapAnswer, MapLocalization, UnverifiedPlace, VerifiedCandidate
 from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.images import copied, open_image
-from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks
+from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks, unmasked
+from nearfar.maps.masks import MaskStore
 from nearfar.maps.search import Hits, nearest, nearest_by_index
+from nearfar.maps.sharing import distinct_places
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localize_in_tile
@@ -29,8 +33,9 @@ from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.pair import AdaptiveFeatures
 from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
+from nearfar.models import Alternative
 from nearfar.runtime.timing import StageTimer
-from nearfar.settings import Settings
+from nearfar.settings import EFFORTS, Settings
 
 HITS = 20
 """Number of nearest map landmarks for each landmark of a query."""
@@ -44,6 +49,9 @@ VIEW_SIDE = 2 * max(QUERY_SIDES)
 """Longest side in pixels of the image that views are simulated from."""
 CACHED_BYTES = 10**8
 """Size of the cache for features of the query and of the tiles that were verified last."""
+VERIFIED_CLOSELY = 2
+"""Number of candidates, those with most votes, that are verified again by zooming where only an
+overlay agrees."""
 CANDIDATES_FOR_POSE = 3
 """Retrieve this many times more candidates for a pose, then re-rank them by distance to the first
 confident answer: its neighbours show most of the same scene."""
@@ -67,16 +75,23 @@ class MapLocator:
         self._settings = settings
         self._describer = LandmarkDescriber(settings)
         self._localizer = Localizer(settings, cache_bytes=CACHED_BYTES, same_place=True)
+        self._closer = Localizer(_closer(settings), cache_bytes=CACHED_BYTES, same_place=True)
         self._images = {image.id: image for image in store.images() if image.usable}
         self._poses = PoseStore(store.folder)
+        self._masks = MaskStore(store.folder)
 
     def locate(
-        self, source: ImageSource, top: int, candidates: int, camera: CameraIntrinsics | None = None
+        self,
+        source: ImageSource,
+        top: int,
+        candidates: int,
+        camera: CameraIntrinsics | None = None,
+        mask: MaskSource | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
         with timer.stage("reading"):
-            query = read_image(source, max_pixels=self._settings.max_pixels)
+            query = read_image(source, max_pixels=self._settings.max_pixels, mask=mask)
         most = candidates if camera is None else CANDIDATES_FOR_POSE * candidates
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
@@ -92,7 +107,7 @@ class MapLocator:
             answers += found
             if _confident(answers):
                 break
-        answers.sort(key=lambda each: (-each.confidence, -each.votes))
+        answers = distinct_places(answers)
         pose = None
         if posing is not None:
             with timer.stage("pose"):
@@ -116,6 +131,7 @@ class MapLocator:
             with timer.stage("landmarks"):
                 pixels, view_from_query = _seen(query, view)
                 landmarks = self._describer.of_query(pixels)
+                landmarks = unmasked(landmarks, _mask_of_view(query, view_from_query, pixels))
             with timer.stage("search"):
                 hits = self._hits(landmarks)
             with timer.stage("votes"):
@@ -142,10 +158,11 @@ class MapLocator:
         verified: list[VerifiedCandidate] = []
         answers: list[MapAnswer] = []
         while waiting and len(verified) < most:
-            checked, answer = self._verify(waiting.pop(0), query, posing)
+            overlaid = sum(each.failure == "overlay" for each in verified)
+            closely = overlaid < VERIFIED_CLOSELY
+            checked, places = self._verify(waiting.pop(0), query, posing, closely=closely)
             verified.append(checked)
-            if answer is not None:
-                answers.append(answer)
+            answers += places
             confident = _confident(answers)
             if len(confident) >= wanted:
                 break
@@ -156,25 +173,44 @@ class MapLocator:
         return verified, answers
 
     def _verify(
-        self, candidate: Candidate, query: Image, posing: Posing | None
-    ) -> tuple[VerifiedCandidate, MapAnswer | None]:
-        """Verify a candidate; also return its answer, None where it is none."""
+        self, candidate: Candidate, query: Image, posing: Posing | None, *, closely: bool
+    ) -> tuple[VerifiedCandidate, list[MapAnswer]]:
+        """Verify a candidate; also return its places, the best first.
+
+        Args:
+            candidate: the candidate.
+            query: the query.
+            posing: for a pose; None for a homography.
+            closely: whether to search the tile anew where an overlay was left out, on which the
+                votes may have been.
+        """
         image = self._images[candidate.image]
         try:
-            pixels = self._pixels(candidate, image)
+            tile = self._tile(candidate, image)
         except ImageError as error:
-            return VerifiedCandidate(image.name, candidate.votes, 0.0, str(error)), None
+            return VerifiedCandidate(image.name, candidate.votes, 0.0, str(error)), []
         cameras = None if posing is None else posing.cameras(image.name)
-        found = localize_in_tile(self._localizer, candidate, pixels, query.pixels, cameras)
+        shown = MaskedImage(query.pixels, query.mask)
+        found = localize_in_tile(self._localizer, candidate, tile, shown, cameras)
+        if found.failure == "overlay" and closely:
+            found = localize_in_tile(self._closer, candidate, tile, shown, cameras)
         confidence = found.confidence or 0.0
-        checked = VerifiedCandidate(image.name, candidate.votes, confidence, found.reason)
+        checked = VerifiedCandidate(
+            image.name,
+            candidate.votes,
+            confidence,
+            found.reason,
+            found.failure,
+            _unverified(candidate, found),
+        )
         if not found.localized:
-            return checked, None
-        images = read_images(found, (pixels, query.pixels))
-        return checked, self._answer(candidate, image, found, images)
+            return checked, []
+        images = read_images(found, (tile.pixels, query.pixels))
+        places = [found, *(_at(found, each) for each in range(len(found.alternatives)))]
+        return checked, [self._answer(candidate, image, each, images) for each in places]
 
-    def _pixels(self, candidate: Candidate, image: MapImage) -> RGBPixels:
-        """Return the pixels of a candidate; give its stored keypoints to the localizer.
+    def _tile(self, candidate: Candidate, image: MapImage) -> MaskedImage:
+        """Return a candidate's tile; give its stored keypoints to the localizer.
 
         Raises:
             ImageError: the file is missing or has changed since the map was built.
@@ -184,13 +220,18 @@ class MapLocator:
             raise ImageError(
                 f"the file {image.name} is missing or has changed: build the map again"
             )
-        pixels = open_image(file, self._settings.max_pixels).read(candidate.tile)
+        known = self._masks.get(image.id)
+        given = None if known is None else known.pixels()
+        opened = open_image(file, self._settings.max_pixels, given)
+        pixels, mask = opened.read(candidate.tile), opened.mask(candidate.tile)
         stored = self._store.keypoints(image.id, candidate.tile)
         if stored is not None:
-            height, width = pixels.shape[:2]
-            features = AdaptiveFeatures(pixels, unpacked_keypoints(stored))
-            self._localizer.remember(Image(pixels, width, height, None), features)
-        return pixels
+            seen = read_image(pixels, mask=mask)  # As the localizer reads it.
+            features = AdaptiveFeatures(seen.pixels, unpacked_keypoints(stored))
+            if seen.mask is not None:
+                features = features.masked(seen.mask)
+            self._localizer.remember(seen, features)
+        return MaskedImage(pixels, mask)
 
     def _answer(
         self, candidate: Candidate, image: MapImage, found: Localization, images: ImagePair
@@ -198,7 +239,7 @@ class MapLocator:
         model, corners, world = found.far_from_near, None, None
         if not isinstance(model, RelativePose):
             size = found.near.width, found.near.height
-            model = normalized(candidate.tile.original_from_tile @ np.asarray(model))
+            model = _in_original(candidate, np.asarray(model))
             corners = footprint(model, *size)
             world = geo_place(copied(file_of(image.name, self._store.folder)), model, size)
         points = found.points
@@ -214,7 +255,61 @@ class MapLocator:
             world=world,
             localization=found,
             images=images,
+            alternatives=tuple(
+                replace(each, far_from_near=_in_original(candidate, each.far_from_near))
+                for each in found.alternatives
+            ),
         )
+
+
+def _in_original(candidate: Candidate, tile_from_query: Matrix3) -> Matrix3:
+    """Return a homography to a tile as one to the original map image."""
+    return normalized(candidate.tile.original_from_tile @ tile_from_query)
+
+
+def _unverified(candidate: Candidate, found: Localization) -> UnverifiedPlace | None:
+    """Return the best place that was not accepted, in pixels of the original map image."""
+    for each in found.candidates:
+        model = _in_original(candidate, each.far_from_near)
+        corners = footprint(model, found.near.width, found.near.height)
+        if corners is not None:
+            return UnverifiedPlace(model, corners, each.score)
+    return None
+
+
+def _at(found: Localization, index: int) -> Localization:
+    """Return a localization at one of its alternatives, with the others and itself as its own."""
+    chosen = found.alternatives[index]
+    middle = np.array([found.near.width - 1, found.near.height - 1]) / 2
+    others = tuple(each for each in found.alternatives if each is not chosen)
+    itself = Alternative(np.asarray(found.far_from_near), 1.0)
+    return replace(
+        found,
+        far_from_near=chosen.far_from_near,
+        footprint=footprint(chosen.far_from_near, found.near.width, found.near.height),
+        scale_change=1 / local_scale(chosen.far_from_near, middle),
+        confidence=(found.confidence or 0.0) * chosen.score,
+        points=NO_POINTS,
+        alternatives=(itself, *others),
+    )
+
+
+def _closer(settings: Settings) -> Settings:
+    """Return settings that zoom in at least."""
+    least = max(EFFORTS.index("zoom"), EFFORTS.index(settings.max_effort))
+    return settings.replace(max_effort=EFFORTS[least])
+
+
+def _mask_of_view(query: Image, view_from_query: Matrix3, view: RGBPixels) -> PixelMask | None:
+    """Return which pixels of a view of the query may be used; None: all."""
+    if query.mask is None:
+        return None
+    size = view.shape[1], view.shape[0]
+    mask = query.mask.astype(np.uint8)
+    seen = cv2.warpPerspective(
+        mask, view_from_query, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REFLECT
+    )
+    return np.asarray(seen > 0)
 
 
 def _confident(answers: Iterable[MapAnswer]) -> list[str]:

@@ -8,6 +8,7 @@ from os import PathLike
 from nearfar.errors import MapError, SettingsError
 from nearfar.geometry.intrinsics import CameraSource, read_camera
 from nearfar.imaging.image import ImageSource
+from nearfar.imaging.mask import MaskSource
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.build import Added, add_images
 from nearfar.maps.creation import create
@@ -15,6 +16,7 @@ from nearfar.maps.files import Problem, check_map, name_of
 from nearfar.maps.images import ImageFiles, given_files, image_files
 from nearfar.maps.locate import MapLocator
 from nearfar.maps.manifest import FILE, Manifest, manifest_for
+from nearfar.maps.masks import MaskStore, mask_files
 from nearfar.maps.sources import GivenImage, ImagePoses
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
@@ -94,22 +96,25 @@ class Map:
         top: int = TOP,
         candidates: int = CANDIDATES,
         intrinsics: CameraSource | None = None,
+        mask: MaskSource | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map.
 
         Args:
             image: path or array (RGB).
-            top: number of answers to seek.
+            top: number of answers to seek, in different map images or at several places of one.
             candidates: number of candidates to verify, those with most votes. Where no answer is
                 confident, as many are verified again with simulated views of the image.
             intrinsics: camera that took the image, "query" of a file or mapping. With it, and map
                 images whose poses are known, the result has the pose of the image.
+            mask: file or array as large as the image, 0 where it must not be used. Transparent
+                pixels are not used either.
 
         Returns:
             The answers, best first; without answers where the image was not found.
 
         Raises:
-            ImageError: the image cannot be read.
+            ImageError: the image or its mask cannot be read, or the mask has another size.
             IntrinsicsError: the intrinsics cannot be read.
             MapError: the map was made with another descriptor.
             SettingsError: a number is below 1.
@@ -120,7 +125,7 @@ class Map:
         if self._locator is None:
             self._locator = MapLocator(self._store, self.settings)
         camera = None if intrinsics is None else read_camera(intrinsics, "query")
-        return self._locator.locate(image, top, candidates, camera)
+        return self._locator.locate(image, top, candidates, camera, mask)
 
     def add(
         self,
@@ -129,6 +134,7 @@ class Map:
         jobs: int = 1,
         scheduler: str | None = None,
         progress: Progress = silent,
+        masks: str | PathLike[str] | None = None,
     ) -> Added:
         """Add images; leave those that the map has already, and replace those that have changed.
 
@@ -141,12 +147,17 @@ class Map:
             scheduler: address of a Dask cluster whose workers describe the images instead; they
                 read the files at the same paths.
             progress: is called with the number of images done and of all images.
+            masks: folder of masks in COLMAP's naming: the mask of `a/b.jpg` is `a/b.jpg.png`, as
+                large as the image and 0 where it must not be used. Paths are relative to the
+                folder that is given in `images`. Images whose mask has changed are replaced. None
+                leaves the masks of images that are there already.
 
         Raises:
             ClusterError: the cluster cannot be used.
             MapError: a file does not exist, another process is writing, the map was made with
                 another descriptor, or its tables cannot be written, e.g. on a full disk. Images
                 that were committed are kept.
+            ImageError: there is no folder `masks`.
             SettingsError: `jobs` is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
@@ -154,9 +165,10 @@ class Map:
             raise SettingsError("jobs must be at least 1")
         self.manifest.check_model(self.settings, self.folder)
         files = given_files(images)
+        masked = None if masks is None else mask_files(images, masks)
         workers = Workers(jobs, scheduler, extra="map")
         with self._changing():
-            added = add_images(self._store, files, self.settings, workers, progress)
+            added = add_images(self._store, files, self.settings, workers, progress, masked)
             self._store.index()
             return added
 
@@ -210,6 +222,7 @@ class Map:
             chosen = {self._id_of(str(name), ids) for name in names}
             self._store.remove(chosen)
             PoseStore(self.folder).remove(chosen)
+            MaskStore(self.folder).keep([image.id for image in self._store.images()])
         return len(chosen)
 
     @property

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -13,6 +14,7 @@ from nearfar.arrays import RGBPixels
 from nearfar.constants import DEFAULT
 from nearfar.features.detection import detect, root_sift, sift
 from nearfar.features.keypoints import Keypoints
+from nearfar.imaging.mask import PixelMask, usable
 from nearfar.imaging.tiles import Tile
 from nearfar.maps.database import connect
 from nearfar.maps.landmarks import DIMENSIONS, Landmarks
@@ -55,6 +57,24 @@ class MapImage:
 
 
 @dataclass(frozen=True, eq=False)
+class StoredMask:
+    """The mask of a map image.
+
+    Attributes:
+        sha256: of the file that it was read from.
+        png: (height, width) of the original image as PNG, 0 where it is left out.
+    """
+
+    sha256: str
+    png: bytes
+
+    def pixels(self) -> PixelMask:
+        """Return the mask, True where pixels may be used."""
+        values = cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_GRAYSCALE)
+        return np.asarray(values != 0)
+
+
+@dataclass(frozen=True, eq=False)
 class Indexed:
     """All that a map holds of one image.
 
@@ -62,11 +82,13 @@ class Indexed:
         image: row of the image.
         tiles: each tile with its packed keypoints.
         landmarks: landmarks in pixels of the original image.
+        mask: mask that was given with the image; None for none.
     """
 
     image: MapImage
     tiles: list[tuple[Tile, bytes]]
     landmarks: Landmarks
+    mask: StoredMask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +217,16 @@ _RECORD = np.dtype(
 """SIFT's own values without loss, 144 bytes: diameter in pixels, angle in degrees."""
 
 
-def packed_keypoints(pixels: RGBPixels) -> bytes:
-    """Detect the keypoints of the method `adaptive`, at most `MOST`, and pack them."""
+def packed_keypoints(pixels: RGBPixels, mask: PixelMask | None = None) -> bytes:
+    """Detect the keypoints of the method `adaptive`, at most `MOST`, and pack them.
+
+    Args:
+        pixels: the image.
+        mask: (height, width) True where keypoints may lie; None: everywhere.
+    """
     found = detect(pixels, sift(DEFAULT.points.contrast, MOST))
+    if mask is not None:
+        found = found[usable(mask, pixels.shape[1::-1], found.xy)]
     records = np.empty(len(found), _RECORD)
     records["x"], records["y"] = found.xy.T
     records["size"], records["angle"] = found.scale, np.degrees(found.angle)

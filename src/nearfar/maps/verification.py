@@ -10,6 +10,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, outline, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.tiles import Tile
 from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
@@ -78,8 +79,8 @@ def best_tile(tiles: Sequence[Tile], map_from_query: Matrix3, size: tuple[int, i
 def localize_in_tile(
     localizer: Localizer,
     candidate: Candidate,
-    tile_pixels: RGBPixels,
-    query: RGBPixels,
+    tile: MaskedImage,
+    query: MaskedImage,
     cameras: Intrinsics | None = None,
 ) -> Localization:
     """Localize the query in a tile, in pixels of the tile and of the original query.
@@ -87,8 +88,8 @@ def localize_in_tile(
     Args:
         localizer: localizes pairs of images.
         candidate: the tile and the hypotheses for it.
-        tile_pixels: pixels of the tile.
-        query: pixels of the query at its original size.
+        tile: the tile.
+        query: the query at its original size.
         cameras: intrinsics of the original map image (far) and of the query (near); with them the
             model is a pose, without them a homography.
     """
@@ -97,11 +98,25 @@ def localize_in_tile(
     known = (
         None if cameras is None else Intrinsics(in_tile(cameras.far, candidate.tile), cameras.near)
     )
-    if _enlargement(localizer, expected[0], query) <= SWAPPED_FROM:
-        return localizer.localize(tile_pixels, query, intrinsics=known, expected=expected)
+    if _enlargement(localizer, expected[0], query.pixels) <= SWAPPED_FROM:
+        return localizer.localize(
+            tile.pixels,
+            query.pixels,
+            intrinsics=known,
+            expected=expected,
+            far_mask=tile.mask,
+            near_mask=query.mask,
+        )
     inverse = [np.linalg.inv(each) for each in expected]
     swapped = None if known is None else Intrinsics(known.near, known.far)
-    found = localizer.localize(query, tile_pixels, intrinsics=swapped, expected=inverse)
+    found = localizer.localize(
+        query.pixels,
+        tile.pixels,
+        intrinsics=swapped,
+        expected=inverse,
+        far_mask=query.mask,
+        near_mask=tile.mask,
+    )
     return swap_roles(found)
 
 

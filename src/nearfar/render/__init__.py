@@ -34,6 +34,7 @@ def save_localization(
     directory: str | Path,
     *,
     images: Sequence[ImageSource] | None = None,
+    top: int = 1,
 ) -> list[Path]:
     """Write `localization.json` and pictures into a folder, which is made where missing.
 
@@ -42,6 +43,7 @@ def save_localization(
         directory: the folder to write into.
         images: the far and the near image as they were given to `localize`; they are read from
             their files where None.
+        top: number of places to draw: the answer and its best alternatives.
 
     Returns:
         The files written.
@@ -56,10 +58,12 @@ def save_localization(
     report = folder / "localization.json"
     with replaced(report) as out:
         out.write_text(localization.to_json() + "\n", encoding="utf-8")
-    return [report, *save_all(localization, shown, folder)]
+    return [report, *save_all(localization, shown, folder, top=top)]
 
 
-def save_all(localization: Localization, images: ImagePair, folder: Path) -> list[Path]:
+def save_all(
+    localization: Localization, images: ImagePair, folder: Path, *, top: int = 1
+) -> list[Path]:
     """Write every picture that the localization allows, as PNG; others of these names are removed.
 
     Always `point_matches.png`; `landmark_matches.png` of a method with landmarks, unless they
@@ -73,6 +77,7 @@ def save_all(localization: Localization, images: ImagePair, folder: Path) -> lis
         localization: the localization to draw.
         images: the images of the localization.
         folder: folder to write into, which must exist.
+        top: number of places to draw: the answer and its best alternatives.
 
     Returns:
         The files written.
@@ -87,7 +92,7 @@ def save_all(localization: Localization, images: ImagePair, folder: Path) -> lis
         "landmark_matches": None if without_landmarks else landmark_matches(localization, images),
         "point_matches": point_matches(localization, images),
         "epipolar_lines": epipolar_matches(localization, images),
-        "footprint": footprint_page(localization, images),
+        "footprint": footprint_page(localization, images, top=top),
         **overlay_pages(localization, images),
     }
     for name in PAGES:  # Pictures of an earlier answer must not be left.

@@ -6,11 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import outline, scaling, transform, translation
+from nearfar.geometry.homography import footprint, outline, scaling, transform, translation
 from nearfar.imaging.image import ImagePair
 from nearfar.imaging.overlap import polygon_area, polygon_intersection
 from nearfar.localization import Localization
-from nearfar.render.draw import DARK, MARK, WHITE, faded, polygon, polygon_cover, rendered, segments
+from nearfar.render.draw import (
+    CATEGORIES,
+    DARK,
+    MARK,
+    WHITE,
+    faded,
+    polygon,
+    polygon_cover,
+    rendered,
+    segments,
+)
 from nearfar.render.page import GAP, MARGIN, TITLE, Caption, Entry, Panel, composed, panel
 
 _SQUARES = 12
@@ -204,6 +214,7 @@ def footprint_page(
     *,
     caption: Caption | None = None,
     aligned: bool = False,
+    top: int = 1,
 ) -> RGBPixels | None:
     """Draw the outline on the far image, beside the near image and the enlarged region.
 
@@ -212,6 +223,7 @@ def footprint_page(
         images: the images of the localization.
         caption: the text underneath; None for a summary of the localization.
         aligned: show the near image blended into the enlarged region.
+        top: number of places to draw: the answer and its best alternatives, in another colour.
 
     Returns:
         (height, width, 3) the page, or None without a footprint.
@@ -221,6 +233,8 @@ def footprint_page(
         return None
     far = panel(images.far, MARGIN, MARGIN + TITLE, _FAR_WIDTH, _FAR_HEIGHT, "Far image")
     _outline(far.pixels, far.on_panel(corners))
+    for other in _alternatives(localization, top):
+        polygon(far.pixels, far.on_panel(other), CATEGORIES[1], 2, casing=WHITE)
     if far.width < _WIDE * far.height:
         width, height = _SIDE_WIDTH, max(_LEAST_HEIGHT, (far.height - GAP - TITLE) // 2)
         near = panel(images.near, far.left + far.width + GAP, far.top, width, height, "Near image")
@@ -238,6 +252,16 @@ def footprint_page(
     if region is not None:
         _callout(page, far, region)
     return page
+
+
+def _alternatives(localization: Localization, top: int) -> list[Coordinates]:
+    """Return the (4, 2) outlines of the best alternatives, those that are finite."""
+    near = localization.near
+    outlines = (
+        footprint(each.far_from_near, near.width, near.height)
+        for each in localization.alternatives[: top - 1]
+    )
+    return [each for each in outlines if each is not None]
 
 
 def _outline(pixels: RGBPixels, corners: Coordinates) -> None:

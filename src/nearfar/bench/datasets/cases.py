@@ -3,8 +3,8 @@
 import functools
 import hashlib
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
+from nearfar.imaging.mask_folder import MaskFolder
 from nearfar.models import ModelKind
 
 
@@ -67,6 +68,8 @@ class Case:
         intrinsics: intrinsics of both cameras; None unless the model is a pose.
         stereo: the right camera of the far image; None without stereo.
         tags: further properties of the case by name, e.g. {"factor": 4}.
+        far_mask: mask of the far image; None without.
+        near_mask: mask of the near image; None without.
     """
 
     name: str
@@ -81,13 +84,18 @@ class Case:
     intrinsics: Intrinsics | None = None
     stereo: Stereo | None = None
     tags: Mapping[str, str | float] = field(default_factory=dict)
+    far_mask: Path | None = None
+    near_mask: Path | None = None
 
     def content_hash(self) -> str:
-        """Return a hash of the image files and the ground truth; a missing file counts as empty."""
+        """Return a hash of the image files, masks and ground truth; a missing file is empty."""
         digest = hashlib.sha256()
         right = () if self.stereo is None else (self.stereo.right,)
         for image in (self.far, self.near, *right):
             digest.update(_file_hash(image).encode())
+        for role, mask in (("far", self.far_mask), ("near", self.near_mask)):
+            if mask is not None:
+                digest.update(f"{role} mask {_file_hash(mask)}".encode())
         digest.update(np.asarray(self.far_points, np.float64).tobytes())
         digest.update(np.asarray(self.near_points, np.float64).tobytes())
         if self.pose is not None:
@@ -96,6 +104,28 @@ class Case:
         cameras = (self.model, self.intrinsics, self.stereo and self.stereo.baseline)
         digest.update(repr(cameras).encode())
         return digest.hexdigest()[:16]
+
+
+def with_masks(cases: Sequence[Case], folder: Path, masks: Path) -> list[Case]:
+    """Return cases with the masks of their images, for those that have one.
+
+    Args:
+        cases: the cases.
+        folder: folder of all cases, which the paths of masks are relative to.
+        masks: folder of masks in COLMAP's naming: `a/b.jpg.png` for `a/b.jpg`.
+
+    Raises:
+        ImageError: there is no such folder.
+    """
+    found = MaskFolder.opened(masks)
+
+    def mask_of(image: Path) -> Path | None:
+        inside = image.resolve().is_relative_to(folder.resolve())
+        return found.mask_of(image.resolve().relative_to(folder.resolve())) if inside else None
+
+    return [
+        replace(each, far_mask=mask_of(each.far), near_mask=mask_of(each.near)) for each in cases
+    ]
 
 
 def _file_hash(file: Path) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from nearfar.bench.datasets.cases import Case
+from nearfar.bench.datasets.cases import Case, with_masks
 from nearfar.bench.datasets.composites import Backgrounds
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.figures import plot_curve
@@ -41,7 +41,13 @@ from nearfar.runtime.logs import shown_progress
 
 
 def run_command(
-    study: str, folder: Path, /, *, options: RunOptions, settings: BenchSettings = DEFAULTS
+    study: str,
+    folder: Path,
+    /,
+    *,
+    options: RunOptions,
+    masks: Path | None = None,
+    settings: BenchSettings = DEFAULTS,
 ) -> None:
     """Run any study, also one of your own, on the cases of FOLDER.
 
@@ -51,9 +57,11 @@ def run_command(
     Args:
         study: Name of the study (`nearfar list`), or python:module.Class.
         folder: Folder of the cases.
+        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH in FOLDER.
     """
     chosen = STUDIES.create(study, settings)
-    results = run_cases(chosen, chosen.cases(folder), options, settings, chosen.file_name)
+    cases = _masked(chosen.cases(folder), folder, masks)
+    results = run_cases(chosen, cases, options, settings, chosen.file_name)
     print_summary(chosen, results, options.out)
 
 
@@ -62,6 +70,7 @@ def pairs_command(
     /,
     *,
     options: RunOptions,
+    masks: Path | None = None,
     paper_size: Flag = False,
     settings: BenchSettings = DEFAULTS,
 ) -> None:
@@ -74,15 +83,23 @@ def pairs_command(
 
     Args:
         folder: Folder of image pairs.
+        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH in FOLDER.
         paper_size: Resize all images to 1200x900 pixels first, as in the paper. Errors are then in
             pixels of that size.
     """
     study = STUDIES.create("pairs", settings)
     cases = sampled(study.cases(folder), options.sample, settings.seed)
+    if paper_size and masks is not None:
+        raise SettingsError("--paper-size resizes the images, not their masks: leave out --masks")
+    cases = _masked(cases, folder, masks)
     if paper_size:
         cases = resized_to_paper(cases, options.local_out() / "cases")
     file_name = "pairs_1200x900.jsonl" if paper_size else study.file_name
     print_summary(study, run_cases(study, cases, options, settings, file_name), options.out)
+
+
+def _masked(cases: list[Case], folder: Path, masks: Path | None) -> list[Case]:
+    return cases if masks is None else with_masks(cases, folder, masks)
 
 
 def kitti_command(
