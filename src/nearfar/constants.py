@@ -267,8 +267,8 @@ class AmbiguityConstants:
     """Squared distance of RootSIFT descriptors below which keypoints are similar."""
     least_own: int = 8
     """Keypoints that agree with the answer itself below which nothing is said."""
-    most: int = 12
-    """Places that are compared."""
+    most: int = 24
+    """Hypotheses that are compared, some of them at one place."""
     seeds: int = 80
     """Most similar matches that propose places."""
     least_distance: float = 0.15
