@@ -166,7 +166,7 @@ def changed(node: ast.AST) -> ast.AST | None:
             return ast.Compare(left, [COMPARISONS[type(operator)](), *others], comparators)
         case ast.BinOp(left, operator, right) if type(operator) in OPERATORS:
             return ast.BinOp(left, OPERATORS[type(operator)](), right)
-        case ast.Constant(value) if type(value) in (int, float):
+        case ast.Constant(int() | float() as value) if not isinstance(value, bool):
             return ast.Constant(value * 2 if value else 1)
         case ast.UnaryOp(ast.USub() | ast.Not() | ast.Invert(), operand):
             return operand
