@@ -11,6 +11,7 @@ import inspect
 import re
 import sys
 import tomllib
+import types
 import typing
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,10 +42,11 @@ EXTRAS = {
     "cluster": "`--scheduler`: work on a Dask cluster",
     "app": "`nearfar app`",
     "train": "`nearfar train`",
+    "learned": "learned matchers, such as `aliked-lightglue`; see docs/learned.md for weights",
     "demo": "`nearfar demo`",
     "notebook": "running the notebook",
     "docs": "building this site",
-    "dev": "all extras but `train`, and the tests and linters",
+    "dev": "all extras but `learned` and `train`, and the tests and linters",
 }
 """What each extra of pyproject.toml is for."""
 
@@ -159,14 +161,12 @@ def plugins() -> str:
         "[Extending](../extending.md) has a complete example.\n",
     ]
     for registry in REGISTRIES:
-        kind = protocol(registry)
-        lines += [f"## {registry.kind.capitalize()}\n", f"{_said(parse(kind.__doc__ or ''))}\n"]
-        lines.append(_names(registry.names()))
-        for name, member in vars(kind).items():
-            if not name.startswith("_") and callable(member):
-                lines.append(_method(name, member))
-            elif isinstance(member, property):
-                lines.append(f"`{name}`: {_plain(inspect.getdoc(member) or '')}\n")
+        first, *others = protocols(registry)
+        lines += [f"## {registry.kind.capitalize()}\n", f"{_said(parse(first.__doc__ or ''))}\n"]
+        lines += [_names(registry.names()), *_members(first)]
+        for other in others:
+            lines.append(f"Or `{other.__name__}`: {_said(parse(other.__doc__ or ''))}\n")
+            lines += _members(other)
     lines += ["## Arrays\n", "| name | shape and content |\n|---|---|"]
     source = (ROOT / "src" / "nearfar" / "arrays.py").read_text(encoding="utf-8")
     for name, text in re.findall(r'^(\w+) = .*\n"""([^"]+)"""', source, re.MULTILINE):
@@ -174,16 +174,28 @@ def plugins() -> str:
     return "\n".join(lines)
 
 
-def protocol(registry: "Registry[Any]") -> type:
-    """Return the class that says what plug-ins of a registry do."""
+def _members(kind: type) -> list[str]:
+    """Return the methods and properties of a class, with their texts."""
+    lines = []
+    for name, member in vars(kind).items():
+        if not name.startswith("_") and callable(member):
+            lines.append(_method(name, member))
+        elif isinstance(member, property):
+            lines.append(f"`{name}`: {_plain(inspect.getdoc(member) or '')}\n")
+    return lines
+
+
+def protocols(registry: "Registry[Any]") -> list[type]:
+    """Return the classes that say what plug-ins of a registry do; most have one."""
     hint = getattr(type(registry), "__orig_bases__", (None,))[0]
     for module in [each for name, each in sys.modules.items() if name.startswith("nearfar.")]:
         for name, annotation in inspect.get_annotations(module).items():
             if getattr(module, name, None) is registry:
                 hint = annotation
     kind = typing.get_args(hint)[0]
-    found: type = typing.get_origin(kind) or kind
-    return found
+    union = typing.get_origin(kind) in (typing.Union, types.UnionType)
+    kinds = typing.get_args(kind) if union else (kind,)
+    return [typing.get_origin(each) or each for each in kinds]
 
 
 def _names(names: list[str]) -> str:

@@ -94,7 +94,7 @@ def test_results_record_constants_that_differ_from_version_0_1_0() -> None:
     usual = Settings()
     assert "constants" not in settings_table(Settings(method="sift"))
     assert set(settings_table(usual)["constants"]) == {
-        "agreement", "overlay", "form", "ambiguity", "candidates",
+        "agreement", "overlay", "form", "ambiguity", "candidates", "learned",
     }  # fmt: skip
     for step in fields(Constants):
         own = getattr(DEFAULT, step.name)

@@ -10,7 +10,7 @@ from typing import Any
 
 DIGEST_OF_0_1_0 = "e8eccb9b0d39"
 """Hash of the constants of version 0.1.0, which its results do not record."""
-ADDED = ("agreement", "overlay", "form", "ambiguity", "candidates")
+ADDED = ("agreement", "overlay", "form", "ambiguity", "candidates", "learned")
 """Steps that version 0.1.0 did not have."""
 
 
@@ -370,6 +370,21 @@ class CandidateConstants:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LearnedConstants:
+    """Learned matchers, alone and as a step of the adaptive method."""
+
+    longest_side: int = 1024
+    """Longest side of the image that a network sees, in pixels; ALIKED and LightGlue were trained
+    near this size."""
+    least_side: int = 32
+    """Shorter side of an image below which it has no learned points, in pixels."""
+    most_points: int = 2048
+    """Points of an image, those of the highest score."""
+    least_cosine: float = 0.82
+    """Cosine of two XFeat descriptors above which they match, as published."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Constants:
     """The constants of all steps."""
 
@@ -387,6 +402,7 @@ class Constants:
     form: FormConstants = FormConstants()
     ambiguity: AmbiguityConstants = AmbiguityConstants()
     candidates: CandidateConstants = CandidateConstants()
+    learned: LearnedConstants = LearnedConstants()
 
     def for_features(self) -> dict[str, Any]:
         """Return the values that features of an image depend on."""
@@ -407,7 +423,11 @@ class Constants:
         new = {name: values.pop(name) for name in ADDED}
         text = json.dumps(values, sort_keys=True)
         digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-        return ({} if digest == DIGEST_OF_0_1_0 else values) | (new if method == "adaptive" else {})
+        usual = asdict(DEFAULT)
+        changed = {name: step for name, step in new.items() if step != usual[name]}
+        return ({} if digest == DIGEST_OF_0_1_0 else values) | (
+            new if method == "adaptive" else changed
+        )
 
 
 DEFAULT = Constants()

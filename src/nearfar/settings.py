@@ -21,6 +21,9 @@ EFFORTS: tuple[Effort, ...] = get_args(Effort)
 ProposalMode = Literal["single", "fast", "quality"]
 """Strategies of Selective Search."""
 
+DEVICES = ("auto", "cpu", "cuda", "mps")
+"""Where learned matchers may run, as torch names it."""
+
 LARGEST = 2**31 - 1
 """Largest number of most settings, since the libraries below take 32 bits."""
 
@@ -95,8 +98,10 @@ class Settings:
             the network.
         descriptor: Network or function that describes landmarks.
         batch_size: Number of landmarks that pass through a network together.
-        detector: Method points: what finds and describes the keypoints of an image.
-        matcher: Method points: what matches the keypoints of two images.
+        detector: Method points: what finds and describes the keypoints of an image. Matchers of
+            images, such as aliked-lightglue, find points of their own.
+        matcher: Method points: what matches two images.
+        device: Where learned matchers run. auto takes a GPU where there is one.
         estimator: Methods points, paper, objects, sift, sift-ratio and external ones: what fits the
             model to point matches.
         inlier_threshold: Methods that take an estimator: largest error of an inlier, in pixels. The
@@ -133,7 +138,8 @@ class Settings:
     descriptor: str = "nearfar"
     batch_size: int = field(default=32, metadata=_rule(Range(1), features=False))
     detector: str = "rootsift-0.02"
-    matcher: str = field(default="snn-0.9", metadata={"features": False})
+    matcher: str = field(default="sift", metadata={"features": False})
+    device: str = field(default="auto", metadata=_rule(OneOf(DEVICES), features=False))
     estimator: str = field(default="ransac", metadata={"features": False})
     inlier_threshold: float = field(
         default=6.0, metadata=_rule(Range(0, above=True), features=False)
@@ -184,9 +190,10 @@ class Settings:
     def for_features(self) -> dict[str, Any]:
         """Return the settings and constants that features of an image depend on."""
         chosen = (item for item in dataclasses.fields(self) if item.metadata.get("features", True))
-        return {item.name: getattr(self, item.name) for item in chosen} | {
-            "constants": self.constants.for_features()
-        }
+        found = {item.name: getattr(self, item.name) for item in chosen}
+        if self.method == "points":  # Features are those of the matcher; others have one kind.
+            found["matcher"] = self.matcher
+        return found | {"constants": self.constants.for_features()}
 
     def replace(self, **options: Any) -> "Settings":
         """A copy with some values changed.

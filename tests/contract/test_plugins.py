@@ -2,19 +2,20 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
 from nearfar.descriptors import DESCRIPTORS
-from nearfar.errors import SettingsError, WeightsError
+from nearfar.errors import MissingExtraError, SettingsError, WeightsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.exports import EXPORTERS
-from nearfar.features import DETECTORS, MATCHERS
+from nearfar.features import DETECTORS, MATCHERS, ImageMatcher, Matcher
 from nearfar.geometry.homography import transform
 from nearfar.methods import METHODS
+from nearfar.methods.points import LEARNED
 from nearfar.models import MODEL_KINDS, ModelKind, Task
 from nearfar.proposals import PROPOSERS
 from nearfar.registry import Registry
@@ -30,10 +31,10 @@ T = TypeVar("T")
 
 
 def created(registry: Registry[T], name: str) -> T:
-    """Return the plug-in; skip the test where its weights are not installed."""
+    """Return the plug-in; skip the test where its extra or weights are not installed."""
     try:
-        return registry.create(name, Settings(batch_size=3))
-    except WeightsError as error:
+        return registry.create(name, Settings(batch_size=3, device="cpu"))
+    except (MissingExtraError, WeightsError) as error:
         pytest.skip(str(error))
 
 
@@ -60,9 +61,15 @@ def test_detector(name: str, known_pair: KnownPair) -> None:
         assert detector.detect(blank).descriptors.shape == (0, found.descriptors.shape[1])
 
 
-@pytest.mark.parametrize("name", MATCHERS.names())
+def matches_images(name: str) -> bool:
+    return hasattr(MATCHERS.factory(name), "match_images")
+
+
+@pytest.mark.parametrize("name", [n for n in MATCHERS.names() if not matches_images(n)])
 def test_matcher(name: str, known_pair: KnownPair) -> None:
-    matcher, detector = created(MATCHERS, name), DETECTORS.create("rootsift", Settings())
+    matcher: Matcher | ImageMatcher[Any] = created(MATCHERS, name)
+    assert not isinstance(matcher, ImageMatcher)
+    detector = DETECTORS.create("rootsift", Settings())
     far, near = detector.detect(known_pair.far), detector.detect(known_pair.near)
     i, j = matcher.match(far, near).T
     error = np.linalg.norm(transform(known_pair.far_from_near, near.xy[j]) - far.xy[i], axis=1)
@@ -72,6 +79,28 @@ def test_matcher(name: str, known_pair: KnownPair) -> None:
     for some, other in ((far[:0], near), (far, near[:0]), (far[:0], near[:0])):
         assert matcher.match(some, other).shape == (0, 2)
     assert len(matcher.match(far[:1], near)) <= 1
+
+
+@pytest.mark.parametrize("name", [n for n in MATCHERS.names() if matches_images(n)])
+def test_matcher_of_images(name: str, known_pair: KnownPair) -> None:
+    matcher = created(MATCHERS, name)
+    assert isinstance(matcher, ImageMatcher)
+    far, near = matcher.extract(known_pair.far), matcher.extract(known_pair.near)
+    assert far.nbytes > 0
+    found = matcher.match_images(far, near)
+    assert found.far.shape == found.near.shape == (len(found.score), 2)
+    error = np.linalg.norm(transform(known_pair.far_from_near, found.near) - found.far, axis=1)
+    assert (error < 3).sum() >= 30
+    assert (error < 3).mean() > 0.3
+    assert ((found.score >= 0) & (found.score <= 1)).all()
+    again = matcher.match_images(matcher.extract(known_pair.far.copy()), near)
+    np.testing.assert_array_equal(again.far, found.far)
+    height, width = known_pair.near.shape[:2]
+    left = np.arange(width) < width / 2
+    half = matcher.masked(near, np.broadcast_to(left, (height, width)))
+    assert (matcher.match_images(far, half).near[:, 0] < width / 2).all()
+    for pixels in (np.zeros((1, 1, 3), np.uint8), np.zeros((40, 60, 3), np.uint8)):
+        assert len(matcher.match_images(far, matcher.extract(pixels))) == 0
 
 
 @pytest.mark.parametrize("name", PROPOSERS.names())
@@ -142,7 +171,9 @@ def test_estimator(name: str, model: ModelKind) -> None:
 @pytest.mark.parametrize("model", MODEL_KINDS)
 @pytest.mark.parametrize("name", METHODS.names())
 def test_method(name: str, model: ModelKind, known_pair: KnownPair) -> None:
-    method = METHODS.create(name, Settings(method=name))
+    if name in LEARNED and model != "homography":
+        pytest.skip("slow, and no other than the tuned methods")
+    method = created(METHODS, name)
     task = Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
     timer = StageTimer()
     far, near = method.extract(known_pair.far, timer), method.extract(known_pair.near, timer)
@@ -184,7 +215,7 @@ def test_unknown_names_are_refused_with_a_hint(registry: object) -> None:
 @pytest.mark.parametrize("size", [(1, 1), (1, 320), (320, 1), (2, 2), (7, 50)])
 @pytest.mark.parametrize("name", METHODS.names())
 def test_method_on_a_few_pixels(name: str, size: tuple[int, int]) -> None:
-    method = METHODS.create(name, Settings(method=name))
+    method = created(METHODS, name)
     timer = StageTimer()
     features = method.extract(np.zeros((*size, 3), np.uint8), timer)
     answer = method.localize(features, features, Task("homography"), timer)

@@ -14,7 +14,7 @@ from cyclopts import App
 
 pytest.importorskip("jinja2", reason="commands of the extra bench are listed")
 
-from docs.generate_reference import FOLDER, ROOT, protocol
+from docs.generate_reference import FOLDER, ROOT, protocols
 from docs.generate_reference import pages as generated
 
 import nearfar
@@ -110,7 +110,7 @@ def test_every_registry_is_listed() -> None:
     text = page("plugins.md")
     for registry in REGISTRIES:
         assert f"## {registry.kind.capitalize()}\n" in text
-        assert inspect.getdoc(protocol(registry))
+        assert all(inspect.getdoc(each) for each in protocols(registry))
         for name in registry.names():
             network, _, layer_and_size = name.partition("-")
             layer, sized, _ = layer_and_size.partition("@")

@@ -11,6 +11,7 @@ from nearfar.errors import ExternalMethodError, MissingExtraError, SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features.detection import Sift
 from nearfar.features.keypoints import Keypoints
+from nearfar.features.pipeline import DetectorMatcher
 from nearfar.methods import METHODS
 from nearfar.methods.points import PointMethod
 from nearfar.models import Task
@@ -66,7 +67,7 @@ class Fixed:
 
 def method(detected: Any, matched: Any = ()) -> PointMethod:
     estimator = ESTIMATORS.create("ransac", Settings())
-    return PointMethod(Fixed(detected), Fixed(matched), estimator)
+    return PointMethod(DetectorMatcher(Fixed(detected), Fixed(matched)), estimator)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,8 @@ def test_an_exception_of_a_plug_in_names_it(
     error: Exception, kind: type[Exception], words: str
 ) -> None:
     plugin = Raising(error)
-    broken = PointMethod(plugin, plugin, ESTIMATORS.create("ransac", Settings()))
+    estimator = ESTIMATORS.create("ransac", Settings())
+    broken = PointMethod(DetectorMatcher(plugin, plugin), estimator)
     external = kind is ExternalMethodError
     with pytest.raises(kind, match=f"the detector Raising raised {words}" if external else words):
         broken.extract(np.zeros((9, 9, 3), np.uint8), StageTimer())

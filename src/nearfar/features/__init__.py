@@ -1,10 +1,16 @@
 """Keypoints with descriptors: detectors, matchers, and maps of features."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from nearfar.arrays import IndexPairs, RGBPixels
-from nearfar.features.keypoints import Keypoints
-from nearfar.registry import Registry
+from nearfar.features.keypoints import ImageMatches, Keypoints
+from nearfar.imaging.mask import PixelMask
+from nearfar.registry import Registry, find_external
+from nearfar.settings import Settings
+
+Features = TypeVar("Features")
+"""What a matcher of images computes once for each image: an object with `nbytes`."""
 
 
 class Detector(Protocol):
@@ -26,7 +32,7 @@ class Detector(Protocol):
 
 
 class Matcher(Protocol):
-    """Matches the keypoints of two images."""
+    """Matches the keypoints of two images, which the detector of the settings has found."""
 
     def match(self, far: Keypoints, near: Keypoints) -> IndexPairs:
         """Return the matches of two images.
@@ -42,5 +48,41 @@ class Matcher(Protocol):
         ...
 
 
+@runtime_checkable
+class ImageMatcher(Protocol[Features]):
+    """Matches two images with features of its own, whatever they are."""
+
+    def extract(self, pixels: RGBPixels) -> Features:
+        """Return the features of one image; they do not depend on the other image.
+
+        Args:
+            pixels: (height, width, 3) uint8, red first; it may be a single pixel.
+
+        Returns:
+            Features with `nbytes`, their memory in bytes. A matcher that must see both images
+            returns the image itself.
+        """
+        ...
+
+    def masked(self, features: Features, mask: PixelMask) -> Features:
+        """Return the features without those on pixels where the (height, width) mask is False."""
+        ...
+
+    def match_images(self, far: Features, near: Features) -> ImageMatches:
+        """Return the matches of two images, in pixels of both; many may be incorrect."""
+        ...
+
+
+class MatcherRegistry(Registry[Matcher | ImageMatcher[Any]]):
+    """The registry of matchers. It also takes a function that matches images, by its place."""
+
+    def external(self, path: str) -> Callable[[str, Settings], Matcher | ImageMatcher[Any]]:
+        """Return the class at a dotted path, or the matcher that calls the function there."""
+        from nearfar.features.functions import FunctionMatcher
+
+        found = find_external(path, self.kind)
+        return found if isinstance(found, type) else FunctionMatcher
+
+
 DETECTORS: Registry[Detector] = Registry("detector", "nearfar.features")
-MATCHERS: Registry[Matcher] = Registry("matcher", "nearfar.features")
+MATCHERS = MatcherRegistry("matcher", "nearfar.features")

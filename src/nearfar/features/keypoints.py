@@ -1,4 +1,4 @@
-"""The keypoints of one image: the type that detectors return and matchers take."""
+"""Keypoints of one image and matches of two: what detectors and matchers take and return."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -80,3 +80,25 @@ class Keypoints:
     def nbytes(self) -> int:
         """Memory of the arrays in bytes."""
         return sum(getattr(self, field.name).nbytes for field in fields(self))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMatches:
+    """N point matches of two images.
+
+    Attributes:
+        far: (N, 2) float64, points of the far image in pixels.
+        near: (N, 2) float64, points of the near image in pixels.
+        score: (N,) float64, from 0 to 1, larger for a match that is more likely correct; 1 where
+            the matcher does not tell.
+    """
+
+    far: Coordinates
+    near: Coordinates
+    score: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.far)
+
+    def __getitem__(self, chosen: Mask | NDArray[np.intp] | slice) -> "ImageMatches":
+        return ImageMatches(self.far[chosen], self.near[chosen], self.score[chosen])

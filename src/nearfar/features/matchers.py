@@ -8,9 +8,9 @@ from nearfar.features.keypoints import Keypoints
 from nearfar.features.matching import match_fginn, match_mnn, match_snn, one_match_per_cell
 from nearfar.settings import Settings
 
-RATIOS = {"snn-0.8": 0.8, "snn-0.9": 0.9, "snn-hamming-0.8": math.sqrt(0.8)}
+RATIOS = {"sift": 0.9, "snn-0.8": 0.8, "snn-hamming-0.8": math.sqrt(0.8)}
 """Ratio tests: 0.8 is that of Lowe (2004), also for Hamming distances; 0.9 is the best of a grid on
-the development data with the detector `rootsift-0.02`."""
+the development data with SIFT, the detector `rootsift-0.02`."""
 FGINN_RATIO = 0.85
 FGINN_RADIUS = 10.0
 """Keypoints this close together, in pixels, count as one that several simulated views show."""
