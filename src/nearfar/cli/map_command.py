@@ -63,8 +63,8 @@ def build_command(
         images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
             URLs.
         out: Folder of the map, or its URL (s3://BUCKET/PATH).
-        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH below its folder
-            in IMAGES, as large as the image and black where it must not be used.
+        masks: Folder of masks in COLMAP's naming. The image at PATH below its folder in IMAGES has
+            the mask PATH.png. A mask is as large as its image, and black where it must not be used.
         max_size: Longest side in pixels to which images are reduced; by default they are not.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
         weights: File of another model of the descriptor, as nearfar=FILE.
@@ -91,8 +91,8 @@ def add_command(
         folder: Folder of the map.
         images: Image files, folders whose images are added, patterns such as 'photos/*.jpg', or
             URLs.
-        masks: Folder of masks in COLMAP's naming: PATH.png for the image at PATH below its folder
-            in IMAGES, as large as the image and black where it must not be used.
+        masks: Folder of masks in COLMAP's naming. The image at PATH below its folder in IMAGES has
+            the mask PATH.png. A mask is as large as its image, and black where it must not be used.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
         weights: File of another model of the descriptor, as nearfar=FILE.
     """
@@ -223,8 +223,8 @@ def locate_command(
             latitude.
         intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
             {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
-        masks: Folder of masks of the queries: NAME.png for a query whose file is NAME, as large as
-            the query and black where it must not be used.
+        masks: Folder of masks of the queries. A query whose file is NAME has the mask NAME.png. A
+            mask is as large as its query, and black where it must not be used.
     """
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
