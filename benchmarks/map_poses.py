@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from nearfar import open_map
+from nearfar.geometry.camera_files import read_camera
 from nearfar.geometry.errors import rotation_angle
-from nearfar.geometry.intrinsics import read_camera
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.map import Map
 from nearfar.maps.sources.poses import Kitti, PoseList

@@ -33,7 +33,7 @@ def ratio(found: Localization, intrinsics: Intrinsics) -> float:
         return math.nan
     points = found.points
     far, near = points.far[points.inliers], points.near[points.inliers]
-    cameras = intrinsics.far.matrix, intrinsics.near.matrix
+    cameras = [each.matrix for each in intrinsics.both or ()]
     return relative_parallax(found.far_from_near, far, near, *cameras)
 
 

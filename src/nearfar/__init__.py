@@ -13,8 +13,9 @@ from nearfar.errors import (
     SettingsError,
     WeightsError,
 )
+from nearfar.geometry.camera_files import read_intrinsics
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics, read_intrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.imaging.image import Image, ImageInfo, read_image
 from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches, read_images

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.errors import ImageError, LocalizationError
+from nearfar.errors import ImageError, IntrinsicsError, LocalizationError
 from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.homography import transform
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.models import (
@@ -54,6 +56,10 @@ class Localization:
     All coordinates are pixels of the original images as displayed. The images themselves are not
     part of it; `read_images` reads them again.
 
+    Where a camera with distortion is known, `far_from_near` and `alternatives` hold for undistorted
+    pixels: those of a pinhole camera of the same focal lengths and principal point. `map_points`
+    maps pixels of the images themselves.
+
     Attributes:
         status: "localized" or "failed".
         reason: reason of the failure; None where it did not fail.
@@ -70,8 +76,9 @@ class Localization:
             among matches that are all wrong, also where it was refused for that; None where none
             was found, or with too few inliers to say.
         footprint: (4, 2) outline of the near image in the far image (top left, top right, bottom
-            right, bottom left of the near image); None unless the model is a homography with
-            finite corners.
+            right, bottom left of the near image). Where a camera with distortion is known, it is
+            curved: (64, 2) points, 16 from each corner on. None unless the model is a homography
+            with a finite outline.
         points: matched points.
         landmarks: matched landmarks, boxes in pixels of the original images.
         seconds: wall time by stage.
@@ -88,6 +95,8 @@ class Localization:
             first, homographies between the original images.
         far: path and size of the far image.
         near: path and size of the near image.
+        intrinsics: the cameras that the images were localized with, for their sizes; None where
+            none was given.
     """
 
     status: Literal["localized", "failed"]
@@ -111,11 +120,32 @@ class Localization:
     alternatives: tuple[Alternative, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     failure: FailureKind | None = None
+    intrinsics: Intrinsics | None = None
 
     @property
     def localized(self) -> bool:
         """Whether a model was found."""
         return self.status == "localized"
+
+    def map_points(self, near: Coordinates) -> Coordinates:
+        """Return the pixels of the far image at which pixels of the near image lie.
+
+        Args:
+            near: (N, 2) pixels of the near image.
+
+        Returns:
+            (N, 2) pixels of the far image, with the distortion of both lenses where the cameras
+            were given; NaN where a lens shows nothing.
+
+        Raises:
+            LocalizationError: no homography was found.
+        """
+        if self.model != "homography" or not isinstance(self.far_from_near, np.ndarray):
+            raise LocalizationError(
+                "only a homography maps points: localize with the model homography"
+            )
+        known = self.intrinsics or Intrinsics(None, None)
+        return mapped_points(self.far_from_near, known, np.asarray(near, np.float64))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of the command line's `--json`; matches are only counted in it."""
@@ -145,6 +175,7 @@ class Localization:
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),
             "near": _image_as_dict(self.near),
+            "intrinsics": None if self.intrinsics is None else _cameras_as_dict(self.intrinsics),
         }
 
     @staticmethod
@@ -180,7 +211,7 @@ class Localization:
                 scale_change=_number(content["scale_change"]),
                 confidence=_number(content["confidence"]),
                 log10_nfa=_number(content["log10_nfa"]),
-                footprint=None if corners is None else _array(corners, (4, 2)),
+                footprint=None if corners is None else _array(corners, (len(corners), 2)),
                 points=points,
                 landmarks=landmarks,
                 seconds={stage: float(value) for stage, value in content["seconds"].items()},
@@ -197,8 +228,9 @@ class Localization:
                 ),
                 candidates=tuple(_read_candidate(each) for each in content.get("candidates", ())),
                 failure=_read_failure(content.get("failure")),
+                intrinsics=_read_cameras(content.get("intrinsics")),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, IntrinsicsError) as error:
             raise LocalizationError(
                 f"this is no localization as `Localization.to_dict` writes it: {error!r}"
             ) from None
@@ -216,6 +248,19 @@ class Localization:
                 "translation": self.far_from_near.translation.tolist(),
             }
         return {self.model: np.asarray(self.far_from_near).tolist()}
+
+
+def mapped_points(far_from_near: Matrix3, known: Intrinsics, near: Coordinates) -> Coordinates:
+    """Return the (N, 2) far pixels of (N, 2) near pixels through both lenses; NaN where none.
+
+    Args:
+        far_from_near: homography between undistorted pixels.
+        known: both cameras; None for one that has no distortion.
+        near: pixels of the near image.
+    """
+    undistorted = near if known.near is None else known.near.undistorted(near)
+    mapped = transform(far_from_near, undistorted)
+    return mapped if known.far is None else known.far.distorted(mapped)
 
 
 def read_images(
@@ -283,6 +328,21 @@ def _read_failure(content: Any) -> FailureKind | None:
     if content is not None and content not in FAILURE_KINDS:
         raise ValueError(f"the failure {content!r}")
     return cast("FailureKind | None", content)
+
+
+def _cameras_as_dict(cameras: Intrinsics) -> dict[str, Any]:
+    return {
+        name: None if camera is None else camera.to_dict()
+        for name, camera in (("far", cameras.far), ("near", cameras.near))
+    }
+
+
+def _read_cameras(content: Mapping[str, Any] | None) -> Intrinsics | None:
+    if content is None:
+        return None
+    cameras = (content["far"], content["near"])
+    far, near = (None if each is None else CameraIntrinsics.from_dict(each) for each in cameras)
+    return Intrinsics(far, near)
 
 
 def _image_as_dict(image: ImageInfo) -> dict[str, Any]:

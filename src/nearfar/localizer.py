@@ -19,15 +19,12 @@ from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import IntrinsicsError, SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features import DETECTORS, MATCHERS
+from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
 from nearfar.geometry.homography import footprint, scale_change, transform
-from nearfar.geometry.intrinsics import (
-    CameraIntrinsics,
-    Intrinsics,
-    IntrinsicsSource,
-    read_intrinsics,
-)
+from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.imaging.mask import MaskSource
+from nearfar.imaging.undistorted import View, view_of
 from nearfar.landmarks import NO_LANDMARKS
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
@@ -36,6 +33,7 @@ from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
+from nearfar.undistortion import in_original_pixels
 from nearfar.verification.acceptance import accepted
 from nearfar.verification.failures import reason_of
 from nearfar.verification.significance import log10_nfa
@@ -103,8 +101,9 @@ class Localizer:
         Args:
             far: path or array (RGB) of the image that shows more of the scene, smaller.
             near: path or array of the image that shows the scene larger.
-            model: kind of model; where None, pose with intrinsics and homography without.
-            intrinsics: intrinsics of both cameras in pixels of the original images.
+            model: kind of model; where None, pose with the intrinsics of both cameras, and
+                homography without.
+            intrinsics: cameras, see `read_intrinsics`; their distortion is undone for every model.
             expected: approximate `far_from_near`, homographies between the original images, that
                 are tried before any other guess; only the method `adaptive` uses them.
             far_mask: file or array as large as the far image, 0 where it must not be used, as on
@@ -128,11 +127,13 @@ class Localizer:
         timer = StageTimer(watcher)
         with timer.stage("reading"):
             far_image, near_image = self._read(far, far_mask), self._read(near, near_mask)
-        task = _task(kind, known, far_image, near_image, expected)
+            far_view, near_view = self._views(known, far_image, near_image)
+        task = _task(kind, far_view, near_view, expected)
         answer = self._method.localize(
-            self._extract(far_image, timer), self._extract(near_image, timer), task, timer
+            self._extract(far_view.image, timer), self._extract(near_view.image, timer), task, timer
         )
-        return self._localization(task, answer, far_image, near_image, timer)
+        found = self._localization(task, answer, far_view.image, near_view.image, timer)
+        return in_original_pixels(found, far_view, near_view, (far_image.info, near_image.info))
 
     def remember(self, image: Image, features: Any) -> None:
         """Take the features of an image as known, so that they need not be computed.
@@ -152,6 +153,21 @@ class Localizer:
         return read_image(
             source, max_size=settings.max_size, max_pixels=settings.max_pixels, mask=mask
         )
+
+    def _views(self, known: Intrinsics | None, far: Image, near: Image) -> tuple[View, View]:
+        """Return both images without distortion, where their cameras are known."""
+        cameras = Intrinsics(None, None) if known is None else known
+        masked = hasattr(self._method, "masked")
+        pairs = (("far", cameras.far, far), ("near", cameras.near, near))
+        far_view, near_view = (
+            view_of(
+                image,
+                None if camera is None else camera.of_size(image.width, image.height, name),
+                masked=masked,
+            )
+            for name, camera, image in pairs
+        )
+        return far_view, near_view
 
     def _extract(self, image: Image, timer: StageTimer) -> Any:
         key = image.content_hash
@@ -291,34 +307,26 @@ def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:
 
 
 def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> ModelKind:
+    both = intrinsics is not None and intrinsics.both is not None
     if model is None:
-        return "homography" if intrinsics is None else "pose"
+        return "pose" if both else "homography"
     if model not in MODEL_KINDS:
         raise SettingsError(f"model must be one of {', '.join(MODEL_KINDS)}, not {model!r}")
-    if model == "pose" and intrinsics is None:
+    if model == "pose" and not both:
         raise IntrinsicsError("a pose needs intrinsics of both cameras (--intrinsics FILE)")
     return model
 
 
-def _task(
-    kind: ModelKind,
-    intrinsics: Intrinsics | None,
-    far: Image,
-    near: Image,
-    expected: Sequence[Matrix3],
-) -> Task:
-    far_working_from_original = np.linalg.inv(far.original_from_working)
-    guesses = tuple(
-        far_working_from_original @ _guess(each) @ near.original_from_working for each in expected
-    )
-    if kind != "pose" or intrinsics is None:
+def _task(kind: ModelKind, far: View, near: View, expected: Sequence[Matrix3]) -> Task:
+    far_working, near_working = (_working_from_undistorted(view) for view in (far, near))
+    guesses = tuple(far_working @ _guess(each) @ np.linalg.inv(near_working) for each in expected)
+    if kind != "pose" or far.camera is None or near.camera is None:
         return Task(kind, expected=guesses)
-    return Task(
-        kind,
-        _in_working_pixels(intrinsics.far, far),
-        _in_working_pixels(intrinsics.near, near),
-        guesses,
-    )
+    return Task(kind, far_working @ far.camera.matrix, near_working @ near.camera.matrix, guesses)
+
+
+def _working_from_undistorted(view: View) -> Matrix3:
+    return np.asarray(np.linalg.inv(view.undistorted_from_frame @ view.image.original_from_working))
 
 
 def _guess(matrix: Matrix3) -> Matrix3:
@@ -329,7 +337,3 @@ def _guess(matrix: Matrix3) -> Matrix3:
     if guess.shape != (3, 3) or not np.isfinite(guess).all() or not np.linalg.det(guess):
         raise SettingsError("expected must hold invertible 3x3 matrices")
     return guess
-
-
-def _in_working_pixels(camera: CameraIntrinsics, image: Image) -> Matrix3:
-    return np.asarray(np.linalg.inv(image.original_from_working) @ camera.matrix, np.float64)

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from nearfar.errors import IntrinsicsError
-from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics, read_camera, read_intrinsics
+from nearfar.geometry.camera_files import read_camera, read_intrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+
+
+def of_four(values: list[float]) -> CameraIntrinsics:
+    fx, fy, cx, cy = values
+    return CameraIntrinsics(fx, fy, cx, cy)
+
 
 FAR, NEAR = [700.0, 710.0, 320.0, 240.0], [1400.0, 1410.0, 300.0, 220.0]
 
@@ -16,11 +23,11 @@ FAR, NEAR = [700.0, 710.0, 320.0, 240.0], [1400.0, 1410.0, 300.0, 220.0]
 def test_json_file_mapping_and_object_agree(tmp_path: Path) -> None:
     file = tmp_path / "intrinsics.json"
     file.write_text(json.dumps({"far": FAR, "near": NEAR}))
-    expected = Intrinsics(CameraIntrinsics(*FAR), CameraIntrinsics(*NEAR))
+    expected = Intrinsics(of_four(FAR), of_four(NEAR))
     assert read_intrinsics(file) == expected
     assert read_intrinsics({"far": FAR, "near": NEAR}) == expected
     assert read_intrinsics(expected) is expected
-    np.testing.assert_array_equal(expected.far.matrix, [[700, 0, 320], [0, 710, 240], [0, 0, 1]])
+    np.testing.assert_array_equal(of_four(FAR).matrix, [[700, 0, 320], [0, 710, 240], [0, 0, 1]])
 
 
 @pytest.mark.parametrize("first", ["P0", "P2"])
@@ -80,7 +87,7 @@ def test_malformed_files_are_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_one_camera_by_its_role(tmp_path: Path) -> None:
-    far, near = CameraIntrinsics(*FAR), CameraIntrinsics(*NEAR)
+    far, near = of_four(FAR), of_four(NEAR)
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"map": FAR, "query": NEAR}))
     assert (read_camera(file, "map"), read_camera(file, "query")) == (far, near)
@@ -95,7 +102,7 @@ def test_one_camera_by_its_role(tmp_path: Path) -> None:
             read_camera(file, "query")
 
 
-@pytest.mark.parametrize("camera", [[500, 500, 100, 100], None, "5678"])
+@pytest.mark.parametrize("camera", [[500, 500, 100, 100], "5678"])
 def test_cameras_of_another_type_are_refused(camera: Any) -> None:
     with pytest.raises(IntrinsicsError):
         Intrinsics(camera, camera)

@@ -210,15 +210,15 @@ def metric_scale(pose: RelativePose, found: Localization, case: Case) -> float |
     Returns:
         The scale, or None where no inlier has both depths.
     """
-    if case.stereo is None or case.intrinsics is None:
+    cameras = None if case.intrinsics is None else case.intrinsics.both
+    if case.stereo is None or cameras is None:
         raise ValueError(f"case {case.name} has no stereo camera")
     far, near = found.points.far[found.points.inliers], found.points.near[found.points.inliers]
     if len(far) == 0:
         return None
-    camera = case.intrinsics
-    triangulated = triangulated_depth(pose, far, near, camera.far, camera.near)
+    triangulated = triangulated_depth(pose, far, near, *cameras)
     left, right = (read_image(path).pixels for path in (case.far, case.stereo.right))
-    measured = stereo_depth(left, right, far, case.stereo.baseline * camera.far.fx)
+    measured = stereo_depth(left, right, far, case.stereo.baseline * cameras[0].fx)
     valid = (triangulated > 0) & np.isfinite(triangulated) & np.isfinite(measured)
     return float(np.median(measured[valid] / triangulated[valid])) if valid.any() else None
 

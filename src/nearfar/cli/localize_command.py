@@ -7,16 +7,24 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from nearfar.arrays import Coordinates
-from nearfar.cli.options import FAILED, Flag, SettingsOptions, WeightOptions, with_weights
+from nearfar.cli.options import (
+    FAILED,
+    CameraOption,
+    Flag,
+    SettingsOptions,
+    WeightOptions,
+    with_weights,
+)
 from nearfar.errors import ExportError, SettingsError
 from nearfar.exports import Exporter, Subject, exporter
-from nearfar.geometry.homography import footprint
-from nearfar.geometry.intrinsics import read_intrinsics
+from nearfar.geometry.camera_files import IntrinsicsSource
+from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.models import MODEL_NAMES, ModelKind
 from nearfar.render import save_localization
 from nearfar.settings import Settings
+from nearfar.undistortion import outline_in_far
 
 
 def localize_command(
@@ -25,7 +33,9 @@ def localize_command(
     /,
     *,
     model: ModelKind | None = None,
-    intrinsics: Path | None = None,
+    intrinsics: CameraOption = None,
+    far_camera: CameraOption = None,
+    near_camera: CameraOption = None,
     far_mask: Path | None = None,
     near_mask: Path | None = None,
     as_json: Annotated[Flag, Parameter(name="--json")] = False,
@@ -44,9 +54,13 @@ def localize_command(
     Args:
         far: Image that shows more of the scene, smaller.
         near: Image that shows the scene larger.
-        model: What to estimate; by default a pose with --intrinsics, else a homography.
-        intrinsics: JSON file {"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]} in pixels of the
-            original images, or KITTI's calib.txt.
+        model: What to estimate; by default a pose where both cameras are known, else a homography.
+        intrinsics: The camera that took both images. It is a file of COLMAP, OpenCV, ROS, Kalibr or
+            KITTI, or a model of COLMAP such as OPENCV:fx,fy,cx,cy,k1,k2,p1,p2. FILE#NAME chooses
+            one of several cameras. A JSON file may hold two cameras: {"far": [fx, fy, cx, cy],
+            "near": [fx, fy, cx, cy]}.
+        far_camera: The camera that took FAR, as in --intrinsics. Distortion is undone.
+        near_camera: The camera that took NEAR, as in --intrinsics. Distortion is undone.
         far_mask: Image as large as FAR, black where it must not be used.
         near_mask: Image as large as NEAR, black where it must not be used.
         as_json: Print one JSON object instead of text.
@@ -63,26 +77,35 @@ def localize_command(
     if exporters and save is None:
         raise SettingsError("--export needs a folder to write to: --save DIR")
     localizer = Localizer(with_weights(settings, weights))
+    cameras = _cameras(intrinsics, far_camera, near_camera)
     found = localizer.localize(
-        far, near, model=model, intrinsics=intrinsics, far_mask=far_mask, near_mask=near_mask
+        far, near, model=model, intrinsics=cameras, far_mask=far_mask, near_mask=near_mask
     )
     saved = []
     if save is not None:
         pictures = save_localization(found, save, top=top)
-        saved = [*pictures, *_export(found, exporters, save, intrinsics)]
+        saved = [*pictures, *_export(found, exporters, save)]
     sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
     return 0 if found.localized else FAILED
 
 
-def _export(
-    found: Localization, exporters: list[Exporter], folder: Path, intrinsics: Path | None
-) -> list[Path]:
+def _cameras(both: str | None, far: str | None, near: str | None) -> IntrinsicsSource | None:
+    """Return the cameras that the options name; None where they name none."""
+    if far is None and near is None:
+        return both
+    if both is not None:
+        raise SettingsError(
+            "--intrinsics is the camera of both images: give it, or --far-camera and --near-camera"
+        )
+    return {"far": far, "near": near}
+
+
+def _export(found: Localization, exporters: list[Exporter], folder: Path) -> list[Path]:
     """Write what the exporters can, where nothing was found, and else everything."""
-    known = None if intrinsics is None else read_intrinsics(intrinsics)
     written = []
     for each in exporters:
         try:
-            written += each.write(Subject(found, known), folder / each.file_name)
+            written += each.write(Subject(found), folder / each.file_name)
         except ExportError as error:
             if found.localized:
                 raise
@@ -92,13 +115,13 @@ def _export(
 
 def _places(found: Localization, top: int) -> list[str]:
     """Return a line for each alternative, or for each candidate where nothing was found."""
-    near = found.near
+    near, known = found.near, found.intrinsics or Intrinsics(None, None)
     lines = []
     for each in found.alternatives[: top - 1]:
-        outline = _corners(footprint(each.far_from_near, near.width, near.height))
+        outline = _corners(outline_in_far(each.far_from_near, known, near.width, near.height))
         lines.append(f"alternative: score {each.score:.2f}, outline {outline}")
     for other in found.candidates[:top]:
-        outline = _corners(footprint(other.far_from_near, near.width, near.height))
+        outline = _corners(outline_in_far(other.far_from_near, known, near.width, near.height))
         score = "unknown" if other.score is None else f"{other.score:.2f}"
         lines.append(f"unverified: score {score}, outline {outline}")
     return lines
@@ -107,7 +130,8 @@ def _places(found: Localization, top: int) -> list[str]:
 def _corners(outline: Coordinates | None) -> str:
     if outline is None:
         return "not finite"
-    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in outline)
+    corners = outline[:: len(outline) // 4]
+    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in corners)
 
 
 def _text(found: Localization, saved: list[Path], top: int) -> str:

@@ -17,6 +17,7 @@ from nearfar.cli.options import (
     DEFAULT_WORK,
     FAILED,
     NO_WORLD,
+    CameraOption,
     Flag,
     Place,
     SearchOptions,
@@ -26,7 +27,7 @@ from nearfar.cli.options import (
     with_weights,
 )
 from nearfar.errors import SettingsError
-from nearfar.geometry.intrinsics import read_camera
+from nearfar.geometry.camera_files import read_camera
 from nearfar.imaging.mask_folder import MaskFolder
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
 from nearfar.runtime import logs, require
@@ -205,7 +206,7 @@ def locate_command(
     as_json: AsJson = False,
     save: Place | None = None,
     geojson: Path | None = None,
-    intrinsics: Path | None = None,
+    intrinsics: CameraOption = None,
     masks: Path | None = None,
     search: SearchOptions = DEFAULT_SEARCH,
     work: WorkOptions = DEFAULT_WORK,
@@ -221,8 +222,9 @@ def locate_command(
         save: Folder or URL for a JSON file and a picture of each query.
         geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
             latitude.
-        intrinsics: Camera that took the queries, to find their poses in a map with poses: JSON file
-            {"query": [fx, fy, cx, cy]} in pixels, or KITTI's calib.txt.
+        intrinsics: Camera that took the queries, as for nearfar localize, or a JSON file
+            {"query": [fx, fy, cx, cy]}. Its distortion is undone. In a map with poses it gives the
+            poses of the queries.
         masks: Folder of masks of the queries. A query whose file is NAME has the mask NAME.png. A
             mask is as large as its query, and black where it must not be used.
     """

@@ -136,7 +136,8 @@ def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
 
 
 def _corners(footprint: Coordinates) -> str:
-    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in footprint)
+    corners = footprint[:: len(footprint) // 4]
+    return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in corners)
 
 
 def _geo_text(place: GeoPlace) -> str:

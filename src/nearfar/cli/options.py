@@ -32,6 +32,10 @@ WeightOptions = Annotated[
 """Type of an argument that takes the weights of networks, as NAME=FILE."""
 
 
+CameraOption = Annotated[str | None, Parameter(metavar="CAMERA")]
+"""Type of an argument that takes a camera, as a file or in words."""
+
+
 def _place(_: Any, tokens: Sequence[Token]) -> Path | Url:
     return location(tokens[0].value)
 
@@ -99,9 +103,9 @@ class WorldOptions:
     kitti=FILE or tum=FILE. Lists hold poses from the camera to the world, in the order of IMAGES or
     by their names."""
 
-    intrinsics: Path | None = None
-    """For the map sources kitti and tum, the camera that took IMAGES: JSON file
-    {"map": [fx, fy, cx, cy]} in pixels of the original images, or KITTI's calib.txt."""
+    intrinsics: CameraOption = None
+    """For the map sources kitti and tum, the camera that took IMAGES, without distortion. It is a
+    camera as for nearfar localize, or a JSON file {"map": [fx, fy, cx, cy]}."""
 
     def read(self) -> list[ImagePoses]:
         """Read the sources before a map is built, so that a bad file ends the command at once.

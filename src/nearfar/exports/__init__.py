@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nearfar.errors import SettingsError
 from nearfar.exports.subject import Subject
-from nearfar.geometry.intrinsics import IntrinsicsSource, read_intrinsics
+from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
 from nearfar.imaging.image import ImageSource
 from nearfar.localization import Localization, read_images
 from nearfar.registry import EXTERNAL, Registry

@@ -14,6 +14,7 @@ import numpy as np
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.exports.subject import ImageNames, indexed
+from nearfar.geometry.calibrations import colmap_parameters
 from nearfar.geometry.epipolar import RelativePose, essential_from_pose
 from nearfar.geometry.homography import translation
 from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
@@ -34,7 +35,8 @@ class ColmapExporter(Exporter):
 
     The near image is image 1 and the far one image 2, so that COLMAP's `F`, `E`, `H` and
     `cam2_from_cam1` are `far_from_near`. The inlier matches are those of the localization. A camera
-    that is not known is a SIMPLE_RADIAL one with COLMAP's guess of its focal length.
+    that is not known is a SIMPLE_RADIAL one with COLMAP's guess of its focal length. With
+    distortion there is no `F` and no `H`, which hold for undistorted pixels only.
     """
 
     file_name = "colmap.db"
@@ -52,13 +54,13 @@ class ColmapExporter(Exporter):
         import pycolmap
 
         names, found = subject.names, subject.localization
-        if isinstance(found.far_from_near, RelativePose) and subject.intrinsics is None:
+        if isinstance(found.far_from_near, RelativePose) and subject.cameras is None:
             raise ExportError(
                 "a COLMAP database of a pose needs the intrinsics that it was found with: give "
                 "them again (intrinsics=)"
             )
         _check_own(path, names)
-        known = subject.intrinsics
+        known = subject.cameras
         far_camera, near_camera = (None, None) if known is None else (known.far, known.near)
         matches = indexed(found.points)
         with replaced(path) as out, pycolmap.Database.open(str(out)) as database:
@@ -109,13 +111,13 @@ def _camera(image: ImageInfo, known: CameraIntrinsics | None) -> Any:
             height=image.height,
             params=[guess, image.width / 2, image.height / 2, 0],
         )
-    centre = known.cx + COLMAP_PIXEL_CENTRE, known.cy + COLMAP_PIXEL_CENTRE
+    model, parameters = colmap_parameters(known)
     return pycolmap.Camera(
-        model="PINHOLE",
+        model=model,
         width=image.width,
         height=image.height,
-        params=[known.fx, known.fy, *centre],
-        has_prior_focal_length=True,
+        params=parameters,
+        has_prior_focal_length=known.origin == "given",
     )
 
 
@@ -125,6 +127,7 @@ def _two_view_geometry(subject: Subject) -> Any:
     found = subject.localization.far_from_near
     kinds = pycolmap.TwoViewGeometryConfiguration
     geometry = pycolmap.TwoViewGeometry()
+    distorted = subject.cameras is not None and subject.cameras.distorted
     if isinstance(found, RelativePose):
         geometry.config = kinds.CALIBRATED
         geometry.E = essential_from_pose(found)
@@ -132,8 +135,12 @@ def _two_view_geometry(subject: Subject) -> Any:
         geometry.cam2_from_cam1 = pycolmap.Rigid3d(rotation, found.translation)
     elif subject.localization.model == "homography":
         geometry.config = kinds.PLANAR_OR_PANORAMIC
+        if distorted:
+            return geometry
         geometry.H = _COLMAP_FROM_PIXEL @ np.asarray(found) @ _PIXEL_FROM_COLMAP
     else:
         geometry.config = kinds.UNCALIBRATED
+        if distorted:
+            return geometry
         geometry.F = _PIXEL_FROM_COLMAP.T @ np.asarray(found) @ _PIXEL_FROM_COLMAP
     return geometry

@@ -14,6 +14,7 @@ from nearfar.render.draw import AGREEING, MARK, Colour, spread
 from nearfar.runtime import require
 from nearfar.settings import Settings
 from nearfar.storage.locations import replaced
+from nearfar.undistortion import undistorted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,6 +31,8 @@ MOST_LINES = 50
 @EXPORTERS.register("png", "svg")
 class FigureExporter(Exporter):
     """The far image on the left, the near one enlarged or reduced to the same height beside it.
+
+    Images with distortion are drawn without it.
 
     PNG at 300 dots per inch; SVG with lines as paths, text as text, and the images embedded.
     """
@@ -51,7 +54,7 @@ class FigureExporter(Exporter):
         style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "nearfar", "font.size": 8}
         metadata = {"Date": None} if self.name == "svg" else {}
         with rc_context(style), replaced(path) as out:
-            figure = _figure(found, subject.pictures)
+            figure = _figure(*undistorted(found, subject.pictures))
             figure.savefig(out, format=self.name, dpi=DOTS_PER_INCH, metadata=metadata)
         return [path]
 

@@ -108,7 +108,7 @@ class Subject:
 
     Attributes:
         localization: the localization to write.
-        intrinsics: intrinsics of both cameras in pixels of the originals; None where unknown.
+        intrinsics: cameras, for a localization that does not know them; None where unknown.
         far: name of the far image; None to take it from its path.
         near: name of the near image; None to take it from its path.
         images: both images, for formats that draw them; None to read them from their paths.
@@ -119,6 +119,11 @@ class Subject:
     far: str | None = None
     near: str | None = None
     images: ImagePair | None = None
+
+    @property
+    def cameras(self) -> Intrinsics | None:
+        """The cameras that it was localized with, or else those that are given; None if unknown."""
+        return self.localization.intrinsics or self.intrinsics
 
     @property
     def pictures(self) -> ImagePair:

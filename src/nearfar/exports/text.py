@@ -13,6 +13,7 @@ from nearfar.arrays import Coordinates
 from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import ImageInfo
 from nearfar.imaging.raster import tiff_header
 from nearfar.localization import Localization
@@ -41,9 +42,10 @@ class CsvExporter(Exporter):
 class OpenCVExporter(Exporter):
     """Everything that is a number, under the names of `Localization.to_dict`.
 
-    `homography`, `fundamental`, or `rotation` and `translation`; `footprint` (4x2);
-    `far_points` and `near_points` (Nx2) with `inliers` (Nx1, 0 or 1); `far_camera` and
-    `near_camera` (3x3) where they are known.
+    `homography`, `fundamental`, or `rotation` and `translation`; `footprint` (4x2, or 64x2 with
+    distortion); `far_points` and `near_points` (Nx2) with `inliers` (Nx1, 0 or 1); `far_camera` and
+    `near_camera` (3x3) where they are known, and of a lens `far_distortion_model` and
+    `far_distortion`, or those of the near camera.
     """
 
     file_name = "localization.yaml"
@@ -78,12 +80,21 @@ def _write(storage: cv2.FileStorage, subject: Subject) -> None:
             storage.write(name, float(number))
     if found.footprint is not None:
         storage.write("footprint", _doubles(found.footprint))
-    if subject.intrinsics is not None:
-        storage.write("far_camera", _doubles(subject.intrinsics.far.matrix))
-        storage.write("near_camera", _doubles(subject.intrinsics.near.matrix))
+    if subject.cameras is not None:
+        _write_camera(storage, "far", subject.cameras.far)
+        _write_camera(storage, "near", subject.cameras.near)
     storage.write("far_points", _doubles(found.points.far))
     storage.write("near_points", _doubles(found.points.near))
     storage.write("inliers", found.points.inliers.astype(np.uint8))
+
+
+def _write_camera(storage: cv2.FileStorage, name: str, camera: CameraIntrinsics | None) -> None:
+    if camera is None:
+        return
+    storage.write(f"{name}_camera", _doubles(camera.matrix))
+    if camera.lens is not None:
+        storage.write(f"{name}_distortion_model", camera.lens.model)
+        storage.write(f"{name}_distortion", _doubles([camera.lens.coefficients]))
 
 
 def _doubles(array: object) -> np.ndarray:
@@ -150,13 +161,13 @@ def _outline(found: Localization) -> Coordinates:
 
 
 def _on_earth(found: Localization) -> WorldCoordinates | None:
-    """Return (4, 2) longitudes and latitudes; None unless the far image is georeferenced."""
+    """Return (N, 2) longitudes and latitudes; None unless the far image is georeferenced."""
     file = found.far.path
     header = None if file is None else tiff_header(file)
     if file is None or header is None or not header.georeferenced:
         return None
     size = found.near.width, found.near.height
-    place = geo_place(file, np.asarray(found.far_from_near), size)
+    place = geo_place(file, np.asarray(found.far_from_near), size, found.intrinsics)
     seen = None if place is None else place.longitude_latitude
     return None if seen is None else seen.footprint
 

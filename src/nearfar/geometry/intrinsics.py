@@ -1,34 +1,45 @@
-"""Camera intrinsics of a pair of images."""
+"""Cameras of a pair of images."""
 
-import json
 import math
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from numbers import Real
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Matrix3
+from nearfar.arrays import Coordinates, Matrix3
 from nearfar.errors import IntrinsicsError
-from nearfar.geometry import kitti
+from nearfar.geometry.homography import scaling
+from nearfar.geometry.lens import LENSES, Lens, range_of
 
 COLMAP_PIXEL_CENTRE = 0.5
 """Coordinates of the centre of the top left pixel in COLMAP; here they are 0."""
 
+Origin = Literal["given", "exif", "estimated"]
+"""Where intrinsics come from: a calibration; the focal length in a photograph's EXIF, which is
+approximate; the matches of the pair itself."""
+
+_SAME = 0.01
+"""Largest distance, in pixels, between a pixel and its image after undistorting and distorting."""
+
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """A pinhole camera without distortion, in pixels of the original image.
+    """A camera, in pixels of the original image; the centre of the top left pixel is (0, 0).
+
+    Undistorted pixels are those of a pinhole camera of these focal lengths and this principal
+    point. Without a lens they are the pixels of the image.
 
     Attributes:
         fx: focal length along x.
         fy: focal length along y.
         cx: x of the principal point.
         cy: y of the principal point.
+        lens: model of the distortion; None where there is none.
+        size: width and height of the images that the numbers hold for; None where not known.
+        origin: "given", "exif" (approximate) or "estimated" (from the matches).
 
     Raises:
         IntrinsicsError: a value is not finite, or a focal length is not positive.
@@ -38,6 +49,9 @@ class CameraIntrinsics:
     fy: float
     cx: float
     cy: float
+    lens: Lens | None = None
+    size: tuple[int, int] | None = None
+    origin: Origin = "given"
 
     def __post_init__(self) -> None:
         values = (self.fx, self.fy, self.cx, self.cy)
@@ -45,131 +59,164 @@ class CameraIntrinsics:
             raise IntrinsicsError(f"intrinsics must be finite numbers, not {list(values)}")
         if self.fx <= 0 or self.fy <= 0:
             raise IntrinsicsError(f"focal lengths must be positive, not {self.fx} and {self.fy}")
+        if self.size is not None and not all(side > 0 for side in self.size):
+            raise IntrinsicsError(f"the size of an image must be positive, not {self.size}")
 
     @property
     def matrix(self) -> Matrix3:
         """Return the calibration matrix K."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
+    def undistorted(self, xy: Coordinates) -> Coordinates:
+        """Return the undistorted pixels of (N, 2) pixels of the image.
+
+        Pixels at which the lens shows nothing, or what lies over 80 degrees from its axis, are NaN.
+        """
+        if self.lens is None:
+            return np.asarray(xy, np.float64)
+        found = self._pixels(self.lens.undistorted(self._directions(xy)))
+        with np.errstate(invalid="ignore"):
+            same = np.linalg.norm(self.distorted(found) - xy, axis=1) < _SAME
+        return np.where(same[:, np.newaxis], found, np.nan)
+
+    def distorted(self, xy: Coordinates) -> Coordinates:
+        """Return the pixels of the image at (N, 2) undistorted pixels; NaN beyond the lens."""
+        if self.lens is None:
+            return np.asarray(xy, np.float64)
+        directions = self._directions(xy)
+        with np.errstate(invalid="ignore"):
+            shown = np.linalg.norm(directions, axis=1) <= range_of(self.lens)
+        found = np.full(directions.shape, np.nan)
+        if shown.any():
+            found[shown] = self._pixels(self.lens.distorted(directions[shown]))
+        return found
+
+    def of_size(self, width: int, height: int, name: str) -> "CameraIntrinsics":
+        """Return the camera for images of another resolution.
+
+        Args:
+            width: width of the image in pixels.
+            height: height of the image.
+            name: what the camera is called in the message.
+
+        Raises:
+            IntrinsicsError: the camera took images of other proportions.
+        """
+        if self.size is None or self.size == (width, height):
+            return replace(self, size=(width, height))
+        x, y = width / self.size[0], height / self.size[1]
+        if abs(x / y - 1) > 1 / min(width, height, *self.size):
+            turned = self.size == (height, width)
+            why = "turn it, or calibrate images as they are displayed" if turned else "crop neither"
+            raise IntrinsicsError(
+                f"the {name} camera is calibrated for images of {self.size[0]}x{self.size[1]} "
+                f"pixels, and the image has {width}x{height}: {why}"
+            )
+        return replace(self.transformed(scaling(x, y)), size=(width, height))
+
+    def transformed(self, matrix: Matrix3) -> "CameraIntrinsics":
+        """Return the camera for pixels that are scaled and moved by a (3, 3) matrix."""
+        found = matrix @ self.matrix
+        fx, fy, cx, cy = (float(found[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        return replace(self, fx=fx, fy=fy, cx=cx, cy=cy, size=None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the camera as JSON values, which `from_dict` reads."""
+        lens = self.lens
+        return {
+            "fx": self.fx,
+            "fy": self.fy,
+            "cx": self.cx,
+            "cy": self.cy,
+            "distortion": None
+            if lens is None
+            else {"model": lens.model, "coefficients": list(lens.coefficients)},
+            "size": None if self.size is None else list(self.size),
+            "origin": self.origin,
+        }
+
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> "CameraIntrinsics":
+        """Return the camera that `to_dict` has written.
+
+        Raises:
+            IntrinsicsError: a part is missing or malformed.
+        """
+        try:
+            fx, fy, cx, cy = (float(content[name]) for name in ("fx", "fy", "cx", "cy"))
+            bent, size = content.get("distortion"), content.get("size")
+            lens = None if bent is None else lens_of(bent["model"], bent["coefficients"])
+            origin = content.get("origin", "given")
+            if origin not in get_args(Origin):
+                raise ValueError(f"the origin {origin!r}")
+            return CameraIntrinsics(fx, fy, cx, cy, lens, _size(size), origin)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise IntrinsicsError(
+                f"a camera needs fx, fy, cx and cy in pixels, and may have distortion and size: "
+                f"{error!r}"
+            ) from None
+
+    def _directions(self, xy: Coordinates) -> Coordinates:
+        return np.asarray((xy - [self.cx, self.cy]) / [self.fx, self.fy], np.float64)
+
+    def _pixels(self, directions: Coordinates) -> Coordinates:
+        return np.asarray(directions * [self.fx, self.fy] + [self.cx, self.cy], np.float64)
+
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """The intrinsics of the cameras that took the far and the near image."""
+    """The cameras that took the far and the near image; None where one is not known.
 
-    far: CameraIntrinsics
-    near: CameraIntrinsics
+    A pose needs both. One that is known is enough to undo its distortion.
+    """
+
+    far: CameraIntrinsics | None
+    near: CameraIntrinsics | None
 
     def __post_init__(self) -> None:
         for camera in (self.far, self.near):
-            if not isinstance(camera, CameraIntrinsics):
+            if camera is not None and not isinstance(camera, CameraIntrinsics):
                 raise IntrinsicsError(f"a camera is CameraIntrinsics, not {camera!r}")
 
+    @property
+    def both(self) -> "tuple[CameraIntrinsics, CameraIntrinsics] | None":
+        """The far and the near camera; None unless both are known."""
+        return None if self.far is None or self.near is None else (self.far, self.near)
 
-IntrinsicsSource = Intrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
-"""`Intrinsics`, a file, or {"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}."""
-
-CameraSource = CameraIntrinsics | str | os.PathLike[str] | Mapping[str, Sequence[float]]
-"""`CameraIntrinsics`, a file, or a mapping; see `read_camera`."""
-CameraRole = Literal["map", "query"]
-_PAIR_ROLES: dict[CameraRole, str] = {"map": "far", "query": "near"}
-
-
-def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
-    """Read intrinsics from a mapping or a file: JSON of such a mapping, or KITTI's calib.txt.
-
-    All cameras of a KITTI calib.txt are rectified to the same intrinsics; P0 is read, or the first
-    that is there.
-
-    Raises:
-        IntrinsicsError: the file cannot be read, or its values are not valid intrinsics.
-    """
-    if isinstance(source, Intrinsics):
-        return source
-    if isinstance(source, Mapping):
-        return _from_mapping(source, "the intrinsics")
-    path, content = _read(source)
-    if isinstance(content, CameraIntrinsics):
-        return Intrinsics(content, content)
-    return _from_mapping(content, f"intrinsics file {path}")
+    @property
+    def distorted(self) -> bool:
+        """Whether a camera has a lens that distorts."""
+        return any(each is not None and each.lens is not None for each in (self.far, self.near))
 
 
-def read_camera(source: CameraSource, role: CameraRole) -> CameraIntrinsics:
-    """Return the intrinsics of one camera, of a map's images or of a query.
+def lens_of(model: str, coefficients: Any) -> Lens | None:
+    """Return the lens of a model; None where its coefficients distort nothing.
 
     Args:
-        source: `CameraIntrinsics`, a mapping, or a file: JSON of such a mapping, or KITTI's
-            calib.txt. A mapping has [fx, fy, cx, cy] under the role, or as "far" (map) or "near"
-            (query).
-        role: which camera.
+        model: "opencv", "fisheye" or "fov".
+        coefficients: numbers, in the order of the model.
 
     Raises:
-        IntrinsicsError: the file cannot be read, or has no valid intrinsics of the camera.
+        IntrinsicsError: there is no such model, or it has another number of coefficients.
     """
-    if isinstance(source, CameraIntrinsics):
-        return source
-    name, content = "the intrinsics", source
-    if not isinstance(source, Mapping):
-        path, content = _read(source)
-        name = f"intrinsics file {path}"
-    if isinstance(content, CameraIntrinsics):
-        return content
-    for key in (role, _PAIR_ROLES[role]):
-        if isinstance(content, Mapping) and key in content:
-            return _camera(content[key], name)
-    raise IntrinsicsError(f'{name} must hold {{"{role}": [fx, fy, cx, cy]}}')
-
-
-def _read(source: str | os.PathLike[str]) -> tuple[Path, Any]:
-    """Return the path of a file, and its JSON content or the camera of a KITTI calib.txt."""
-    try:
-        path = Path(source)
-    except TypeError:
+    if model not in LENSES:
         raise IntrinsicsError(
-            f"intrinsics are a file or a mapping, not {type(source).__name__}"
-        ) from None
-    try:
-        if path.exists() and not path.is_file():
-            raise IntrinsicsError(f"intrinsics file {path} is not a regular file")
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:  # The latter where it is no text, or the path no path.
-        raise IntrinsicsError(f"intrinsics file {path} cannot be read: {error}") from error
-    if text.startswith("P") and ":" in text:
-        return path, _from_kitti(text, path)
-    try:
-        return path, json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise IntrinsicsError(
-            f"intrinsics file {path} is neither JSON nor KITTI's calib.txt: {error}"
-        ) from error
-
-
-def _from_mapping(content: Any, name: str) -> Intrinsics:
-    if not isinstance(content, Mapping) or set(content) != {"far", "near"}:
-        raise IntrinsicsError(
-            f'{name} must hold {{"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}}'
+            f"the distortion model {model!r} is not known: use {', '.join(sorted(LENSES))}"
         )
-    return Intrinsics(_camera(content["far"], name), _camera(content["near"], name))
-
-
-def _camera(values: Any, name: str) -> CameraIntrinsics:
-    try:
-        if isinstance(values, str | bytes):
-            raise TypeError
-        fx, fy, cx, cy = (float(value) for value in values)
-    except (TypeError, ValueError, OverflowError):
-        raise IntrinsicsError(f"{name}: [fx, fy, cx, cy] expected, not {values!r}") from None
-    return CameraIntrinsics(fx, fy, cx, cy)
-
-
-def _from_kitti(text: str, path: Path) -> CameraIntrinsics:
-    lines = text.splitlines()
-    line = next((line for line in lines if line.startswith("P0:")), lines[0])
-    try:
-        return of_projection(kitti.projection(line)[1])
-    except ValueError as error:
-        raise IntrinsicsError(f"{path}: {error}") from None
+    values = tuple(float(each) for each in coefficients)
+    if model == "opencv" and not any(values):
+        return None
+    return LENSES[model](values)
 
 
 def of_projection(projection: NDArray[np.float64]) -> CameraIntrinsics:
-    """Return the intrinsics in a (3, 4) projection matrix of a rectified camera."""
-    return CameraIntrinsics(*(float(projection[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+    """Return the intrinsics in a (3, 3) calibration or (3, 4) projection matrix."""
+    fx, fy, cx, cy = (float(projection[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return CameraIntrinsics(fx, fy, cx, cy)
+
+
+def _size(values: Any) -> tuple[int, int] | None:
+    if values is None:
+        return None
+    width, height = (int(value) for value in values)
+    return width, height

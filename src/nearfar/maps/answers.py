@@ -26,10 +26,12 @@ class MapAnswer:
 
     Attributes:
         image: name of the map image.
-        far_from_near: homography from pixels of the query to pixels of the original map image; a
-            relative pose where the intrinsics of both cameras are known.
+        far_from_near: homography from pixels of the query, undistorted where its camera has
+            distortion, to pixels of the original map image; a relative pose where the intrinsics of
+            both cameras are known.
         footprint: (4, 2) outline of the query in the map image (top left, top right, bottom right,
-            bottom left of the query); None for a pose, and where the horizon crosses the query.
+            bottom left of the query), or (64, 2) where its camera has distortion; None for a pose,
+            and where the horizon crosses the query.
         scale_change: median, over all pairs of inliers, of their distance in the query divided by
             their distance in the map image.
         confidence: calibrated probability that the answer is correct.
@@ -38,8 +40,9 @@ class MapAnswer:
         world: position of the query on the Earth; None unless the map image is a GeoTIFF.
         alternatives: other places of the map image that fit nearly as well, best first, in pixels
             of the query and of the original map image; the confidence is shared among all.
-        localization: the query localized in a tile of the map image, in pixels of that tile.
-        images: that tile (far) and the query (near).
+        localization: the query, without distortion, localized in a tile of the map image, in
+            pixels of that tile.
+        images: that tile (far) and the query without distortion (near).
     """
 
     image: str

@@ -11,9 +11,11 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, local_scale, normalized, transform
-from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
 from nearfar.imaging.mask import MaskedImage, MaskSource, PixelMask
+from nearfar.imaging.undistorted import View as LensView
+from nearfar.imaging.undistorted import view_of
 from nearfar.imaging.warp import resized
 from nearfar.localization import NO_POINTS, Localization, PointMatches, read_images
 from nearfar.localizer import Localizer
@@ -36,6 +38,7 @@ from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simu
 from nearfar.models import Alternative
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
+from nearfar.undistortion import outline_in_far
 
 HITS = 20
 """Number of nearest map landmarks for each landmark of a query."""
@@ -91,7 +94,10 @@ class MapLocator:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
         with timer.stage("reading"):
-            query = read_image(source, max_pixels=self._settings.max_pixels, mask=mask)
+            image = read_image(source, max_pixels=self._settings.max_pixels, mask=mask)
+            fitted = None if camera is None else camera.of_size(image.width, image.height, "query")
+            view = view_of(image, fitted)
+            query, camera = view.image, view.pinhole
         most = candidates if camera is None else CANDIDATES_FOR_POSE * candidates
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
@@ -113,11 +119,11 @@ class MapLocator:
             with timer.stage("pose"):
                 pose = posing.query_pose(answers, self._settings.seed)
         return MapLocalization(
-            tuple(answers[:top]),
-            tuple(verified),
-            query.path,
-            query.width,
-            query.height,
+            tuple(self._in_original_pixels(answer, view) for answer in answers[:top]),
+            tuple(_place_with_distortion(each, view) for each in verified),
+            image.path,
+            image.width,
+            image.height,
             timer.seconds,
             pose,
         )
@@ -236,12 +242,10 @@ class MapLocator:
     def _answer(
         self, candidate: Candidate, image: MapImage, found: Localization, images: ImagePair
     ) -> MapAnswer:
-        model, corners, world = found.far_from_near, None, None
+        model, corners = found.far_from_near, None
         if not isinstance(model, RelativePose):
-            size = found.near.width, found.near.height
             model = _in_original(candidate, np.asarray(model))
-            corners = footprint(model, *size)
-            world = geo_place(copied(file_of(image.name, self._store.folder)), model, size)
+            corners = footprint(model, found.near.width, found.near.height)
         points = found.points
         in_original = transform(candidate.tile.original_from_tile, points.far)
         return MapAnswer(
@@ -252,7 +256,7 @@ class MapLocator:
             confidence=found.confidence or 0.0,
             votes=candidate.votes,
             points=PointMatches(in_original, points.near, points.inliers),
-            world=world,
+            world=None,
             localization=found,
             images=images,
             alternatives=tuple(
@@ -260,6 +264,55 @@ class MapLocator:
                 for each in found.alternatives
             ),
         )
+
+    def _in_original_pixels(self, answer: MapAnswer, view: LensView) -> MapAnswer:
+        """Return an answer for the original query, with its place on the Earth."""
+        found = _with_distortion(answer, view)
+        model = found.far_from_near
+        if isinstance(model, RelativePose):
+            return found
+        file = copied(file_of(answer.image, self._store.folder))
+        cameras = Intrinsics(None, view.camera)
+        return replace(found, world=geo_place(file, model, view.size, cameras))
+
+
+def _with_distortion(answer: MapAnswer, view: LensView) -> MapAnswer:
+    """Return an answer for pixels of the original query, with the distortion of its lens."""
+    camera, model, corners = view.camera, answer.far_from_near, answer.footprint
+    if camera is None or camera.lens is None:
+        return answer
+    if isinstance(model, np.ndarray):
+        model = _of_undistorted(model, view)
+        corners = outline_in_far(model, Intrinsics(None, camera), *view.size)
+    points = answer.points
+    near = view.original(points.near)
+    seen = np.isfinite(near).all(axis=1)
+    return replace(
+        answer,
+        far_from_near=model,
+        footprint=corners,
+        points=PointMatches(points.far[seen], near[seen], points.inliers[seen]),
+        alternatives=tuple(
+            replace(each, far_from_near=_of_undistorted(each.far_from_near, view))
+            for each in answer.alternatives
+        ),
+    )
+
+
+def _of_undistorted(map_from_frame: Matrix3, view: LensView) -> Matrix3:
+    """Return a homography from undistorted pixels of the query."""
+    return normalized(map_from_frame @ np.linalg.inv(view.undistorted_from_frame))
+
+
+def _place_with_distortion(candidate: VerifiedCandidate, view: LensView) -> VerifiedCandidate:
+    """Return a candidate with its place for pixels of the original query."""
+    place, camera = candidate.place, view.camera
+    if place is None or camera is None or camera.lens is None:
+        return candidate
+    model = _of_undistorted(place.far_from_near, view)
+    corners = outline_in_far(model, Intrinsics(None, camera), *view.size)
+    found = None if corners is None else replace(place, far_from_near=model, footprint=corners)
+    return replace(candidate, place=found)
 
 
 def _in_original(candidate: Candidate, tile_from_query: Matrix3) -> Matrix3:

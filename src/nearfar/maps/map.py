@@ -6,7 +6,7 @@ from dataclasses import replace
 from os import PathLike
 
 from nearfar.errors import MapError, SettingsError
-from nearfar.geometry.intrinsics import CameraSource, read_camera
+from nearfar.geometry.camera_files import CameraSource, read_camera
 from nearfar.imaging.image import ImageSource
 from nearfar.imaging.mask import MaskSource
 from nearfar.maps.answers import MapLocalization

@@ -95,9 +95,9 @@ def localize_in_tile(
     """
     tile_from_map = np.linalg.inv(candidate.tile.original_from_tile)
     expected = [tile_from_map @ each.map_from_query for each in candidate.hypotheses]
-    known = (
-        None if cameras is None else Intrinsics(in_tile(cameras.far, candidate.tile), cameras.near)
-    )
+    known = None
+    if cameras is not None:
+        known = Intrinsics(in_tile(cameras.far, candidate.tile), cameras.near)
     if _enlargement(localizer, expected[0], query.pixels) <= SWAPPED_FROM:
         return localizer.localize(
             tile.pixels,
@@ -120,10 +120,9 @@ def localize_in_tile(
     return swap_roles(found)
 
 
-def in_tile(camera: CameraIntrinsics, tile: Tile) -> CameraIntrinsics:
-    """Return the camera of a map image in pixels of one of its tiles."""
-    matrix = np.linalg.inv(tile.original_from_tile) @ camera.matrix
-    return CameraIntrinsics(*(float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
+def in_tile(camera: CameraIntrinsics | None, tile: Tile) -> CameraIntrinsics | None:
+    """Return the camera of a map image in pixels of one of its tiles; None where unknown."""
+    return None if camera is None else camera.transformed(np.linalg.inv(tile.original_from_tile))
 
 
 def _enlargement(localizer: Localizer, tile_from_query: Matrix3, query: RGBPixels) -> float:
@@ -140,6 +139,7 @@ def swap_roles(found: Localization) -> Localization:
     if isinstance(inverse, np.ndarray):
         corners = footprint(inverse, found.far.width, found.far.height)
     points, landmarks, excluded = found.points, found.landmarks, found.excluded
+    cameras = found.intrinsics
     return replace(
         found,
         far_from_near=inverse,
@@ -157,6 +157,7 @@ def swap_roles(found: Localization) -> Localization:
         ),
         far=found.near,
         near=found.far,
+        intrinsics=None if cameras is None else Intrinsics(cameras.near, cameras.far),
     )
 
 

@@ -15,6 +15,7 @@ from nearfar.localization import Localization, read_images
 from nearfar.render.alignment import footprint_page, overlay_pages
 from nearfar.render.matches import epipolar_matches, landmark_matches, point_matches
 from nearfar.storage.locations import replaced
+from nearfar.undistortion import undistorted
 
 PAGES = (
     "landmark_matches", "point_matches", "epipolar_lines", "footprint",
@@ -73,6 +74,8 @@ def save_all(
     (`blend.png`, `checkerboard.png`) and the far over the near one (`far_in_near_blend.png`,
     `far_in_near_checkerboard.png`).
 
+    Images with distortion are drawn without it.
+
     Args:
         localization: the localization to draw.
         images: the images of the localization.
@@ -85,6 +88,7 @@ def save_all(
     Raises:
         OSError: a file cannot be written.
     """
+    localization, images = undistorted(localization, images)
     without_landmarks = localization.descriptor is None or (
         localization.step is not None and not len(localization.landmarks)
     )

@@ -8,7 +8,8 @@ import pytest
 
 from nearfar import MapError, open_map
 from nearfar.cli import main
-from nearfar.geometry.intrinsics import CameraIntrinsics, read_camera
+from nearfar.geometry.camera_files import read_camera
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.map import Map
 from nearfar.maps.sources import GivenImage
 from nearfar.maps.sources.poses import Kitti, PoseList, Tum

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from nearfar.errors import SettingsError
-from nearfar.geometry.intrinsics import CameraIntrinsics, CameraSource, read_camera
+from nearfar.errors import IntrinsicsError, SettingsError
+from nearfar.geometry.camera_files import CameraSource, read_camera
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.maps.world.scene import PosedImage
 from nearfar.registry import Registry
 from nearfar.settings import Settings
@@ -118,4 +119,9 @@ def read_source(
             f"them with --intrinsics"
         )
     camera = None if intrinsics is None else read_camera(intrinsics, "map")
+    if camera is not None and camera.lens is not None:
+        raise IntrinsicsError(
+            "the camera of a map must have no distortion: undistort the images, and give the "
+            "camera without its coefficients"
+        )
     return source.read(Path(path), camera)

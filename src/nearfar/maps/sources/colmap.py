@@ -10,7 +10,7 @@ import numpy as np
 from nearfar.arrays import Matrix3
 from nearfar.errors import ImageError, IntrinsicsError, MapError
 from nearfar.geometry.homography import transform
-from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics
+from nearfar.geometry.intrinsics import COLMAP_PIXEL_CENTRE, CameraIntrinsics, of_projection
 from nearfar.imaging.decoding import read_orientation
 from nearfar.imaging.orientation import MIRRORED, TRANSPOSED, UPRIGHT, displayed_from_stored
 from nearfar.maps.images import copied
@@ -99,7 +99,7 @@ class ColmapModel:
         observed = np.array([each.xy for each in seen], np.float64).reshape(-1, 2)
         points = [self._model.points3D[each.point3D_id].xyz for each in seen]
         return PosedImage(
-            CameraIntrinsics(*map(float, matrix[[0, 1, 0, 1], [0, 1, 2, 2]])),
+            of_projection(matrix),
             world_from_camera[:, :3] @ rotation.T,
             world_from_camera[:, 3],
             transform(displayed_from_model, observed - COLMAP_PIXEL_CENTRE),
@@ -143,7 +143,7 @@ class ColmapModel:
     def _pinhole(self, camera: Any) -> CameraIntrinsics:
         """Return the intrinsics without distortion, for pixels whose centres are at integers."""
         try:
-            found = CameraIntrinsics(*camera.calibration_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]])
+            found = of_projection(camera.calibration_matrix())
         except IntrinsicsError as error:
             raise MapError(f"the COLMAP model {self.path}: {error}") from None
         return replace(found, cx=found.cx - COLMAP_PIXEL_CENTRE, cy=found.cy - COLMAP_PIXEL_CENTRE)

@@ -87,7 +87,11 @@ class PoseList:
         """
         rows = self._rows([PurePosixPath(image.name).stem for image in images])
         found = {
-            image.name: PosedImage(self.camera, self.rotations[row], self.centres[row])
+            image.name: PosedImage(
+                self.camera.of_size(image.width, image.height, "map"),
+                self.rotations[row],
+                self.centres[row],
+            )
             for row, image in zip(rows, images, strict=True)
             if row is not None and image.usable
         }

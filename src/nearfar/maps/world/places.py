@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
-from nearfar.geometry.homography import footprint, transform, translation
+from nearfar.geometry.homography import transform, translation
+from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.raster import opened, tiff_header
+from nearfar.localization import mapped_points
+from nearfar.undistortion import outline_in_far
 
 WGS84 = "EPSG:4326"
 DECIMALS = 9
@@ -27,7 +30,8 @@ class GeoOutline:
     """Outline and centre of a query in one coordinate system of the Earth.
 
     Attributes:
-        footprint: (4, 2) top left, top right, bottom right, bottom left corner of the query.
+        footprint: (4, 2) top left, top right, bottom right, bottom left corner of the query;
+            (64, 2) points of its outline where its camera has distortion.
         centre: (2,) centre of the query.
     """
 
@@ -105,13 +109,16 @@ class QueryPose:
         }
 
 
-def geo_place(file: Path, map_from_query: Matrix3, size: tuple[int, int]) -> GeoPlace | None:
+def geo_place(
+    file: Path, map_from_query: Matrix3, size: tuple[int, int], cameras: Intrinsics | None = None
+) -> GeoPlace | None:
     """Locate a query on the Earth by a homography to a GeoTIFF.
 
     Args:
         file: file of the map image.
-        map_from_query: homography between pixels.
+        map_from_query: homography between undistorted pixels.
         size: width and height of the query, in pixels.
+        cameras: of the map image (far) and the query (near); None where neither has distortion.
 
     Returns:
         The position; None where the file is not a georeferenced GeoTIFF, or the horizon crosses
@@ -122,12 +129,13 @@ def geo_place(file: Path, map_from_query: Matrix3, size: tuple[int, int]) -> Geo
         MissingExtraError: the extra `geo` is not installed.
     """
     header = tiff_header(file)
-    outline = footprint(map_from_query, *size)
+    known = cameras or Intrinsics(None, None)
+    outline = outline_in_far(map_from_query, known, *size)
     if header is None or not header.georeferenced or outline is None:
         return None
     header.check_upright(file)
     middle = np.array([[(size[0] - 1) / 2, (size[1] - 1) / 2]])
-    seen = np.vstack([outline, transform(map_from_query, middle)])
+    seen = np.vstack([outline, mapped_points(map_from_query, known, middle)])
     with opened(file) as dataset:
         crs, affine = dataset.crs, dataset.transform
         if crs is None or affine.is_identity:  # So rasterio reads a file without a place.
@@ -153,7 +161,7 @@ def _longitude_latitude(world: WorldCoordinates, crs: object) -> GeoOutline | No
 
 
 def _outline(corners_and_centre: WorldCoordinates) -> GeoOutline:
-    return GeoOutline(corners_and_centre[:4], corners_and_centre[4])
+    return GeoOutline(corners_and_centre[:-1], corners_and_centre[-1])
 
 
 def ring(corners: WorldCoordinates) -> list[list[float]]:
