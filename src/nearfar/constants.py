@@ -223,7 +223,7 @@ class AcceptanceConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class AgreementConstants:
-    """Agreement of the whole near image with the far image under a homography."""
+    """Agreement of the near image with the far image where a model or its matches put it."""
 
     least: float = 0.3
     """Share of cells that agree below which a homography is refused. Of 50 correct ones of the
@@ -249,6 +249,9 @@ class AgreementConstants:
     """Cells around that the far image must show."""
     best_share: float = 0.05
     """Share of the cells around that may be more similar than the cell in its place."""
+    reach: float = 0.3
+    """Distance from the nearest inlier up to which epipolar geometry places a cell, as a share of
+    the near image's longest side."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -86,7 +86,8 @@ class Localization:
         step: step that found the answer; None for a method without several steps.
         descriptor: name of the landmark descriptor; None for a method without landmarks.
         agreement: share of the near image whose features agree with the far image where the
-            homography puts it, which the matches had no part in; None where it is not known.
+            homography, or the inliers around, put it; the matches had no part in this evidence.
+            None where it is not known.
         excluded: what was left out as an overlay that both pictures share, boxes in pixels of the
             original images; None where nothing was.
         alternatives: other places that explain the near image nearly as well, best first,

@@ -139,7 +139,9 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How much of the near image looks like the far image where a homography puts it.
+    """How much of the near image looks like the far image where a model puts it.
+
+    A homography puts all of it; other models only what lies near their inliers.
 
     Attributes:
         share: share of all cells that both images show, from 0 to 1.
@@ -178,8 +180,8 @@ class Answer:
             chance would give; None leaves it to be computed from the matches.
         confidence: calibrated probability that the model is right; None where not calibrated.
         step: what a method with several steps found the answer with.
-        agreement: share of the near image whose features agree with the far image where the
-            homography puts it; None where that is not known.
+        agreement: share of the near image whose features agree with the far image where the model
+            puts it; None where that is not known.
         excluded: what was left out as an overlay; None where nothing was.
         alternatives: other places that explain the near image nearly as well; the confidence is
             shared among all.

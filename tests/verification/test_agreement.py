@@ -14,6 +14,7 @@ from nearfar.geometry.homography import translation
 from nearfar.imaging.mask import MaskedImage
 from nearfar.settings import Settings
 from nearfar.verification.agreement import agreement
+from nearfar.verification.placement import ByHomography
 from tests.conftest import KnownPair
 
 
@@ -23,7 +24,9 @@ def compare() -> Callable[[MaskedImage, MaskedImage, Matrix3], float | None]:
     assert isinstance(descriptor, DenseDescriptor)
 
     def share(far: MaskedImage, near: MaskedImage, matrix: Matrix3) -> float | None:
-        found = agreement(far, near, matrix, NO_INLIERS, descriptor, DEFAULT.agreement)
+        found = agreement(
+            far, near, ByHomography(matrix), NO_INLIERS, descriptor, DEFAULT.agreement
+        )
         return None if found is None else found.share
 
     return share

@@ -109,8 +109,9 @@ def _refusal(
         )
     if math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
         return None
-    if answer.agreement is not None and _disagrees(answer.agreement, settings):
-        share = answer.agreement.share
+    agreement = answer.agreement if task.model == "homography" else None
+    if agreement is not None and _disagrees(agreement, settings):
+        share = agreement.share
         looks = f"but only {share:.0%} of the near image looks like the far image there"
         return _Refusal("disagreement", looks, contradicted=True)
     far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]

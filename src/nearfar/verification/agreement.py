@@ -1,46 +1,47 @@
-"""Agreement: does the rest of the near image look like what lies under its footprint?
+"""Agreement: does the rest of the near image look like what lies where the model puts it?
 
-Point matches that agree on a homography may all lie on one small thing that both pictures share.
-Agreement is evidence that did not produce the homography: the dense features of the whole near
-image, compared in its frame with the features of the far image where the homography puts them.
+Point matches that agree on a model may all lie on one small thing that both pictures share.
+Agreement is evidence that did not produce the model: the dense features of the near image, compared
+in its frame with the features of the far image where the model, or the matches around, put them.
 """
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates, Matrix3
+from nearfar.arrays import Coordinates
 from nearfar.constants import AgreementConstants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.homography import transform, translation
 from nearfar.imaging.mask import MaskedImage, usable
-from nearfar.imaging.warp import resized, warped
+from nearfar.imaging.warp import resized
 from nearfar.models import Agreement
+from nearfar.verification.placement import Placement
 
 
 def agreement(
     far: MaskedImage,
     near: MaskedImage,
-    far_from_near: Matrix3,
+    place: Placement,
     inliers: Coordinates,
     descriptor: DenseDescriptor,
     constants: AgreementConstants,
 ) -> Agreement | None:
     """Return the share of the near image's cells that agree with the far image.
 
-    A cell agrees where it is more similar to what lies where the homography puts it than to nearly
-    all cells around that place.
+    A cell agrees where it is more similar to what lies in its place than to nearly all cells around
+    that place.
 
     Args:
         far: the far image.
         near: the near image.
-        far_from_near: maps near to far pixels.
-        inliers: (N, 2) near points of the matches that the homography was fitted to.
+        place: where the points of the near image lie in the far image.
+        inliers: (N, 2) near points of the matches that this was fitted to.
         descriptor: describes the cells.
         constants: of the comparison.
 
     Returns:
-        None where both images show too few of the cells to say.
+        None where both images show too few of the cells to say, or too few have a known place.
     """
     small, small_from_near = resized(near.pixels, min(1.0, constants.side / max(near.size)))
     height, width = small.shape[:2]
@@ -49,14 +50,11 @@ def agreement(
     padded = cv2.copyMakeBorder(small, margin, bottom, margin, right, cv2.BORDER_REFLECT_101)
     frame_from_near = translation(margin, margin) @ small_from_near
     size = padded.shape[1], padded.shape[0]
-    frame_from_far = frame_from_near @ np.linalg.inv(far_from_near)
     near_map = descriptor.feature_map(np.asarray(padded))
-    far_map = descriptor.feature_map(warped(far.pixels, frame_from_far, size))
+    far_map = descriptor.feature_map(place.seen(far.pixels, frame_from_near, size))
     grid = near_map.values.shape[:2]
-    in_near, in_far = (
-        transform(np.linalg.inv(matrix), near_map.centres)
-        for matrix in (frame_from_near, frame_from_far)
-    )
+    in_near = transform(np.linalg.inv(frame_from_near), near_map.centres)
+    in_far = place.far_points(in_near)
     own = usable(near.mask, near.size, in_near).reshape(grid)
     seen = usable(far.mask, far.size, in_far).reshape(grid)
     rank, compared = _rank(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nearfar.arrays import Coordinates, Matrix3
+from nearfar.arrays import Coordinates
 from nearfar.constants import Constants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.methods.adaptive.ambiguity import alternatives
@@ -16,6 +16,7 @@ from nearfar.verification.agreement import agreement
 from nearfar.verification.failures import by_score
 from nearfar.verification.form import shared_form
 from nearfar.verification.overlay import Overlay, shared_overlay
+from nearfar.verification.placement import ByHomography, ByMatches, Placement
 
 NO_POINTS = np.empty((0, 2))
 
@@ -49,7 +50,7 @@ class Checks:
             beside = replace(
                 pair, far=pair.far.masked(found.far), near=pair.near.masked(found.near)
             )
-            rest = self._compared(beside, found.far_from_near, NO_POINTS)
+            rest = self._compared(beside, ByHomography(found.far_from_near), NO_POINTS)
         return None if rest is None or rest.share >= limits.least_agreement else found
 
     def _form(self, pair: Pair, best: Attempt) -> Overlay | None:
@@ -60,23 +61,25 @@ class Checks:
         return shared_form(pair.far.image, pair.near.image, np.asarray(model), limits)
 
     def agreement(self, pair: Pair, best: Attempt) -> Agreement | None:
-        """Return the share of the near image that agrees with the far image under a homography."""
-        model = best.estimate.far_from_near
-        if pair.task.model != "homography" or model is None or not np.isfinite(best.log10_nfa):
+        """Return the share of the near image that agrees with the far image under a model."""
+        model, inliers = best.estimate.far_from_near, best.estimate.inliers
+        if model is None or not np.isfinite(best.log10_nfa):
             return None
         with pair.timer.stage("verification"):
-            return self._compared(pair, np.asarray(model), best.near[best.estimate.inliers])
+            far, near = best.far[inliers], best.near[inliers]
+            if pair.task.model == "homography":
+                return self._compared(pair, ByHomography(np.asarray(model)), near)
+            reach = self._constants.agreement.reach * max(pair.near.size)
+            return self._compared(pair, ByMatches(far, near, reach), near)
 
-    def _compared(
-        self, pair: Pair, far_from_near: Matrix3, inliers: Coordinates
-    ) -> Agreement | None:
+    def _compared(self, pair: Pair, place: Placement, inliers: Coordinates) -> Agreement | None:
         far, near = pair.far.image, pair.near.image
         limits = self._constants.agreement
-        return agreement(far, near, far_from_near, inliers, self._descriptor, limits)
+        return agreement(far, near, place, inliers, self._descriptor, limits)
 
     def alternatives(self, pair: Pair, best: Attempt, agrees: Agreement) -> tuple[Alternative, ...]:
         """Return other places that explain the near image nearly as well as the best attempt."""
-        if not best.log10_nfa < 0:
+        if pair.task.model != "homography" or not best.log10_nfa < 0:
             return ()
         constants = self._constants.ambiguity
         with pair.timer.stage("verification"):
@@ -88,7 +91,9 @@ class Checks:
                 constants,
                 self._constants.votes,
             )
-            compared = [self._compared(pair, each.far_from_near, NO_POINTS) for each in found]
+            compared = [
+                self._compared(pair, ByHomography(each.far_from_near), NO_POINTS) for each in found
+            ]
         least = constants.least_agreement * agrees.share
         return tuple(
             each
