@@ -52,7 +52,10 @@ class LadderConstants:
     promising: float = 3.0
     """Significance below which a model is worth a second, narrower guided matching."""
     refined: float = -2.0
-    """Significance up to which the best homography is refined."""
+    """Significance up to which the best homography is refined..."""
+    sure: float = -60.0
+    """...unless the first step found it with this significance. Of 36 homographies of made pairs
+    with 10 to 38 inliers 4 were off by 3 to 11 pixels, and none by more than 2 after that."""
 
 
 @dataclass(frozen=True, kw_only=True)

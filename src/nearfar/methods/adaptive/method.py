@@ -167,9 +167,10 @@ class Adaptive:
         return self._attempt(pair, [self._match(pair, model, reach)], found.step)
 
     def _refined(self, pair: Pair, best: Attempt) -> Attempt:
-        """Refine a model that was found by zooming with narrower guided matching."""
-        refined = self._constants.ladder.refined
-        if best.step == "points" or best.log10_nfa > refined or not self._zooms(best.step):
+        """Refine a model of few matches, or one found by zooming, by narrower guided matching."""
+        ladder = self._constants.ladder
+        sure = best.step == "points" and best.log10_nfa < ladder.sure
+        if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):
             return best
         for reach in self._constants.zoom.refinements:
             found = self._again(pair, best, reach)
