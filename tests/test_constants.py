@@ -9,7 +9,7 @@ import pytest
 
 from nearfar import Localizer
 from nearfar.arrays import Coordinates, Mask, RGBPixels
-from nearfar.constants import DEFAULT, Constants
+from nearfar.constants import ADDED, DEFAULT, Constants
 from nearfar.settings import Settings
 from nearfar.storage.rows import settings_key, settings_table
 from tests.conftest import KnownPair
@@ -93,9 +93,7 @@ def test_acceptance_obeys_its_constants(constants: Constants, known_pair: KnownP
 def test_results_record_constants_that_differ_from_version_0_1_0() -> None:
     usual = Settings()
     assert "constants" not in settings_table(Settings(method="sift"))
-    assert set(settings_table(usual)["constants"]) == {
-        "agreement", "overlay", "form", "ambiguity", "candidates", "learned",
-    }  # fmt: skip
+    assert set(settings_table(usual)["constants"]) == set(ADDED)
     for step in fields(Constants):
         own = getattr(DEFAULT, step.name)
         name = fields(own)[0].name

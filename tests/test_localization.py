@@ -18,6 +18,7 @@ from nearfar import (
 )
 from nearfar.arrays import Matrix3
 from nearfar.models import FAILURE_KINDS, MODEL_KINDS, Candidate
+from nearfar.verification.expected_error import ExpectedError, ValidRegion
 
 NUMBERS = st.floats(-1e9, 1e9)
 MATRICES = st.lists(NUMBERS, min_size=9, max_size=9).map(lambda x: np.array(x).reshape(3, 3))
@@ -28,6 +29,17 @@ IMAGES = st.builds(
     st.integers(1, 10**5),
     st.integers(1, 10**5),
 )
+SIZES = st.floats(0, 1e6)
+REGIONS = st.builds(
+    ValidRegion,
+    MATRICES.map(lambda matrix: np.resize(matrix, (3, 2))),
+    st.floats(0, 1),
+    st.none() | SIZES,
+    st.none() | SIZES,
+)
+EXPECTED = st.builds(
+    ExpectedError, SIZES, st.tuples(SIZES, SIZES, SIZES, SIZES), region=st.none() | REGIONS
+) | st.builds(ExpectedError, rotation=SIZES, direction=SIZES)
 
 
 @st.composite
@@ -37,7 +49,8 @@ def localizations(draw: st.DrawFn) -> Localization:
     model: Matrix3 | RelativePose | None = None
     if draw(st.booleans()):
         matrix = draw(MATRICES)
-        model = RelativePose(matrix, matrix[0]) if kind == "pose" else matrix
+        covariance = draw(st.none() | MATRICES.map(lambda matrix: np.resize(matrix, (6, 6))))
+        model = RelativePose(matrix, matrix[0], covariance) if kind == "pose" else matrix
     count = draw(st.integers(0, 5))
     points = PointMatches(np.ones((count, 2)), np.ones((count, 2)), np.arange(count) % 2 == 0)
     boxes = np.ones((draw(st.integers(0, 3)), 4), np.int32)
@@ -61,6 +74,7 @@ def localizations(draw: st.DrawFn) -> Localization:
         descriptor=draw(TEXTS),
         far=draw(IMAGES),
         near=draw(IMAGES),
+        expected_error=draw(st.none() | EXPECTED),
     )
 
 
@@ -79,7 +93,7 @@ def test_what_is_read_back_is_the_same(found: Localization) -> None:
 def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
     content = found.to_dict()
     optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded", "alternatives"}
-    optional |= {"candidates", "failure"}
+    optional |= {"candidates", "failure", "expected_error"}
     del content[data.draw(st.sampled_from(sorted(set(content) - optional)))]
     with pytest.raises(LocalizationError, match="to_dict"):
         Localization.from_dict(content)
@@ -92,6 +106,9 @@ WHOLE: dict[str, Any] = {
     "descriptor": None, "seconds": {"points": 0.1},
     "far": {"path": None, "width": 4, "height": 3}, "near": {"path": "x", "width": 4, "height": 3},
 }  # fmt: skip
+
+
+PIXELS = {"mean": 1.0, "corners": None, "rotation": None, "direction": None, "region": None}
 
 
 @pytest.mark.parametrize(
@@ -107,6 +124,9 @@ WHOLE: dict[str, Any] = {
         {"near": {"path": None, "width": 0, "height": 3}},
         {"near": {"path": None, "width": 4.5, "height": 3}},
         {"failure": "bad luck"}, {"candidates": [{"homography": [[1]], "score": 1, "source": "x"}]},
+        {"expected_error": {}},
+        {"expected_error": PIXELS | {"mean": np.nan}},
+        {"expected_error": PIXELS | {"corners": [1]}},
     ],
     ids=str,
 )  # fmt: skip

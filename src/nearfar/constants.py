@@ -10,7 +10,9 @@ from typing import Any
 
 DIGEST_OF_0_1_0 = "e8eccb9b0d39"
 """Hash of the constants of version 0.1.0, which its results do not record."""
-ADDED = ("agreement", "overlay", "form", "ambiguity", "candidates", "learned")
+ADDED = (
+    "agreement", "overlay", "form", "ambiguity", "candidates", "learned", "uncertainty", "plane",
+)  # fmt: skip
 """Steps that version 0.1.0 did not have."""
 
 
@@ -391,6 +393,45 @@ class LearnedConstants:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlaneConstants:
+    """Planes: epipolar geometries that matches beside one plane do not determine."""
+
+    least_matches: int = 8
+    """Inliers below which no plane is looked for."""
+    tolerance: float = 3.0
+    """Largest error of a match on the plane, in thresholds of an inlier: planes are uneven."""
+    least_share: float = 0.5
+    """Share of the inliers on the plane from which the matches beside it must be significant."""
+    least_angle: float = 5.0
+    """Angle in degrees between the directions of two poses that count as different."""
+    least_agreement: float = 0.95
+    """Share of the inliers that the other pose of a plane agrees with, if it fits as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncertaintyConstants:
+    """Expected error: what noise, misfit and the place of the inliers leave open."""
+
+    noise: float = 0.3
+    """Usual standard deviation of a coordinate of an inlier, in far pixels of the working image."""
+    noise_weight: float = 3.0
+    """How many coordinates this weighs as much as, beside those of the inliers."""
+    least: float = 0.02
+    """Expected error that many exact matches do not fall below, in the same pixels."""
+    cell: float = 2.0
+    """Side of a cell, in the same pixels, in which matches count once: their errors are common."""
+    most_points: int = 1500
+    """Inliers that are used, evenly thinned."""
+    side: int = 7
+    """Rows and columns of the places of the near image at which the error is expected."""
+    misfits: tuple[float, ...] = (1e-6, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+    """Sizes that a smooth misfit may have, by a bent lens or by depth, as shares of half the
+    footprint's diagonal..."""
+    misfit_odds: tuple[float, ...] = (0.3, 0.15, 0.15, 0.12, 0.1, 0.08, 0.06, 0.04)
+    """...and how probable each is before the inliers are looked at."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Constants:
     """The constants of all steps."""
 
@@ -409,6 +450,8 @@ class Constants:
     ambiguity: AmbiguityConstants = AmbiguityConstants()
     candidates: CandidateConstants = CandidateConstants()
     learned: LearnedConstants = LearnedConstants()
+    uncertainty: UncertaintyConstants = UncertaintyConstants()
+    plane: PlaneConstants = PlaneConstants()
 
     def for_features(self) -> dict[str, Any]:
         """Return the values that features of an image depend on."""

@@ -26,6 +26,7 @@ from nearfar.models import (
     FailureKind,
     ModelKind,
 )
+from nearfar.verification.expected_error import ExpectedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,9 @@ class Localization:
         near: path and size of the near image.
         intrinsics: the cameras that the images were localized with, for their sizes; None where
             none was given.
+        expected_error: how far the answer is expected to be off if it is the right place, in
+            pixels of the original far image, or in degrees for a pose; None where it failed, or
+            where nothing can be said.
     """
 
     status: Literal["localized", "failed"]
@@ -122,6 +126,7 @@ class Localization:
     candidates: tuple[Candidate, ...] = ()
     failure: FailureKind | None = None
     intrinsics: Intrinsics | None = None
+    expected_error: ExpectedError | None = None
 
     @property
     def localized(self) -> bool:
@@ -172,6 +177,9 @@ class Localization:
                 for each in self.alternatives
             ],
             "candidates": [_candidate_as_dict(each) for each in self.candidates],
+            "expected_error": None
+            if self.expected_error is None
+            else self.expected_error.to_dict(),
             "descriptor": self.descriptor,
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "far": _image_as_dict(self.far),
@@ -230,6 +238,7 @@ class Localization:
                 candidates=tuple(_read_candidate(each) for each in content.get("candidates", ())),
                 failure=_read_failure(content.get("failure")),
                 intrinsics=_read_cameras(content.get("intrinsics")),
+                expected_error=ExpectedError.from_dict(content.get("expected_error")),
             )
         except (KeyError, TypeError, ValueError, AttributeError, IntrinsicsError) as error:
             raise LocalizationError(
@@ -244,9 +253,11 @@ class Localization:
         if self.far_from_near is None:
             return None
         if isinstance(self.far_from_near, RelativePose):
+            covariance = self.far_from_near.covariance
             return {
                 "rotation": self.far_from_near.rotation.tolist(),
                 "translation": self.far_from_near.translation.tolist(),
+                "covariance": None if covariance is None else covariance.tolist(),
             }
         return {self.model: np.asarray(self.far_from_near).tolist()}
 
@@ -365,7 +376,12 @@ def _read_model(content: Mapping[str, Any] | None, kind: Any) -> Matrix3 | Relat
         return None
     if kind == "pose":
         translation = _array(content["translation"], (3,))
-        return RelativePose(_array(content["rotation"], (3, 3)), translation)
+        covariance = content.get("covariance")
+        return RelativePose(
+            _array(content["rotation"], (3, 3)),
+            translation,
+            None if covariance is None else _array(covariance, (6, 6)),
+        )
     return _array(content[kind], (3, 3))
 
 

@@ -20,6 +20,7 @@ from nearfar.errors import IntrinsicsError, SettingsError
 from nearfar.estimators import ESTIMATORS
 from nearfar.features import DETECTORS, MATCHERS
 from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, scale_change, transform
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.image import Image, ImageSource, read_image
@@ -35,6 +36,7 @@ from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
 from nearfar.undistortion import in_original_pixels
 from nearfar.verification.acceptance import accepted
+from nearfar.verification.expected_error import ExpectedError, with_expected_error
 from nearfar.verification.failures import reason_of
 from nearfar.verification.significance import log10_nfa
 
@@ -201,9 +203,9 @@ class Localizer:
         exponent = answer.log10_nfa
         if exponent is None:
             exponent = _false_alarms(answer, kind, far)
-        near_size = near.pixels.shape[1], near.pixels.shape[0]
+        near_size, far_size = (each.pixels.shape[1::-1] for each in (near, far))
         answer = accepted(
-            answer, task, exponent, near_size, self.settings, same_place=self._same_place
+            answer, task, exponent, near_size, far_size, self.settings, same_place=self._same_place
         )
         estimate = answer.estimate
         model = model_in_original_pixels(estimate.far_from_near, kind, far, near)
@@ -212,6 +214,10 @@ class Localizer:
             transform(near.original_from_working, answer.near),
             estimate.inliers,
         )
+        expected: ExpectedError | None = None
+        if model is not None:
+            with timer.stage("verification"):
+                model, expected = self._with_expected_error(model, points, task, far, near)
         landmarks = NO_LANDMARKS
         if answer.landmarks is not None:
             landmarks = landmarks_in_original_pixels(answer.landmarks, far, near)
@@ -246,6 +252,32 @@ class Localizer:
             descriptor=self.descriptor,
             far=far.info,
             near=near.info,
+            expected_error=expected,
+        )
+
+    def _with_expected_error(
+        self,
+        model: Matrix3 | RelativePose,
+        points: PointMatches,
+        task: Task,
+        far: Image,
+        near: Image,
+    ) -> tuple[Matrix3 | RelativePose, ExpectedError | None]:
+        """Return a model in original pixels, a pose with its covariance, and its expected error."""
+        cameras = None
+        if task.model == "pose":
+            both = zip((far, near), task.cameras, strict=True)
+            first, second = (image.original_from_working @ camera for image, camera in both)
+            cameras = first, second
+        return with_expected_error(
+            model,
+            task.model,
+            points.far[points.inliers],
+            points.near[points.inliers],
+            (near.width, near.height),
+            far.width / far.pixels.shape[1],
+            self.settings.constants.uncertainty,
+            cameras,
         )
 
 

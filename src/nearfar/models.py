@@ -27,6 +27,7 @@ FailureKind = Literal[
     "disagreement",
     "underdetermined",
     "rotation",
+    "plane",
     "overlay",
     "too-small",
     "appearance",
@@ -40,6 +41,8 @@ FailureKind = Literal[
 - disagreement: the rest of the near image does not look like the far image there.
 - underdetermined: the matches leave the corners of the near image open.
 - rotation: a rotation alone explains the matches, so that a pose has no direction.
+- plane: the matches lie on one plane, so that the epipolar geometry is open; its homography is a
+  candidate.
 - overlay: only what lies at the same place of both pictures agrees.
 - too-small: the near image seems to lie in a place of a few far pixels.
 - appearance: a place looks like the near image, but no points match: other light or season.

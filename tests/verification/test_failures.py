@@ -27,7 +27,7 @@ def grid_answer(confidence: float = 0.9) -> Answer:
 
 
 def judged(answer: Answer, log10_nfa: float = -30.0) -> Answer:
-    return accepted(answer, Task("homography"), log10_nfa, SIZE, Settings())
+    return accepted(answer, Task("homography"), log10_nfa, SIZE, SIZE, Settings())
 
 
 def test_an_accepted_answer_has_no_failure_and_no_candidates() -> None:

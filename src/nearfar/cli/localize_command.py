@@ -25,6 +25,7 @@ from nearfar.models import MODEL_NAMES, ModelKind
 from nearfar.render import save_localization
 from nearfar.settings import Settings
 from nearfar.undistortion import outline_in_far
+from nearfar.verification.expected_error import ExpectedError
 
 
 def localize_command(
@@ -155,6 +156,8 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:
         lines.append(f"outline of the near image in the far image: {_corners(found.footprint)}")
+    if found.expected_error is not None:
+        lines.append(_expected(found.expected_error))
     model = found.to_dict()["far_from_near"]
     if model is not None:
         for name, value in model.items():
@@ -164,3 +167,10 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
     lines.append(f"{total:.2f} s ({stages})")
     lines += [f"saved {path}" for path in saved]
     return "\n".join(lines)
+
+
+def _expected(error: ExpectedError) -> str:
+    if error.corners is None:
+        return f"expected error: rotation {error.rotation:.2g}°, direction {error.direction:.2g}°"
+    worst = max(error.corners)
+    return f"expected error: {error.mean:.2g} pixels in the mean, {worst:.2g} at the worst corner"

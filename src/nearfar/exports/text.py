@@ -167,7 +167,8 @@ def _on_earth(found: Localization) -> WorldCoordinates | None:
     if file is None or header is None or not header.georeferenced:
         return None
     size = found.near.width, found.near.height
-    place = geo_place(file, np.asarray(found.far_from_near), size, found.intrinsics)
+    expected = None if found.expected_error is None else found.expected_error.mean
+    place = geo_place(file, np.asarray(found.far_from_near), size, found.intrinsics, expected)
     seen = None if place is None else place.longitude_latitude
     return None if seen is None else seen.footprint
 

@@ -43,6 +43,8 @@ class MapAnswer:
         localization: the query, without distortion, localized in a tile of the map image, in
             pixels of that tile.
         images: that tile (far) and the query without distortion (near).
+        expected_error: how far the answer is expected to be off in the mean, if it is the right
+            place: in pixels of the map image, or in degrees for a pose; None where it is not known.
     """
 
     image: str
@@ -56,6 +58,7 @@ class MapAnswer:
     localization: Localization
     images: ImagePair
     alternatives: tuple[Alternative, ...] = ()
+    expected_error: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as JSON values."""
@@ -66,6 +69,7 @@ class MapAnswer:
             "scale_change": self.scale_change,
             "confidence": self.confidence,
             "votes": self.votes,
+            "expected_error": self.expected_error,
             "world": None if self.world is None else self.world.to_dict(),
             "alternatives": [
                 {"homography": each.far_from_near.tolist(), "score": each.score}

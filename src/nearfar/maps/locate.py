@@ -243,9 +243,11 @@ class MapLocator:
         self, candidate: Candidate, image: MapImage, found: Localization, images: ImagePair
     ) -> MapAnswer:
         model, corners = found.far_from_near, None
+        expected = None if found.expected_error is None else found.expected_error.value
         if not isinstance(model, RelativePose):
             model = _in_original(candidate, np.asarray(model))
             corners = footprint(model, found.near.width, found.near.height)
+            expected = None if expected is None else expected * candidate.tile.scale
         points = found.points
         in_original = transform(candidate.tile.original_from_tile, points.far)
         return MapAnswer(
@@ -263,6 +265,7 @@ class MapLocator:
                 replace(each, far_from_near=_in_original(candidate, each.far_from_near))
                 for each in found.alternatives
             ),
+            expected_error=expected,
         )
 
     def _in_original_pixels(self, answer: MapAnswer, view: LensView) -> MapAnswer:
@@ -273,7 +276,9 @@ class MapLocator:
             return found
         file = copied(file_of(answer.image, self._store.folder))
         cameras = Intrinsics(None, view.camera)
-        return replace(found, world=geo_place(file, model, view.size, cameras))
+        return replace(
+            found, world=geo_place(file, model, view.size, cameras, found.expected_error)
+        )
 
 
 def _with_distortion(answer: MapAnswer, view: LensView) -> MapAnswer:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.constants import UncertaintyConstants
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, normalized, outline, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
@@ -17,6 +18,7 @@ from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
 from nearfar.maps.voting import Hypothesis
 from nearfar.models import Excluded
+from nearfar.verification.expected_error import ExpectedError, with_expected_error
 
 SWAPPED_FROM = 1.25
 """Enlargement from query to map beyond which the map image is taken as the near image."""
@@ -117,7 +119,7 @@ def localize_in_tile(
         far_mask=query.mask,
         near_mask=tile.mask,
     )
-    return swap_roles(found)
+    return swap_roles(found, localizer.settings.constants.uncertainty)
 
 
 def in_tile(camera: CameraIntrinsics | None, tile: Tile) -> CameraIntrinsics | None:
@@ -132,8 +134,13 @@ def _enlargement(localizer: Localizer, tile_from_query: Matrix3, query: RGBPixel
     return scale * (longest / largest if largest and longest > largest else 1.0)
 
 
-def swap_roles(found: Localization) -> Localization:
-    """Return a localization by homography or pose with far and near image swapped."""
+def swap_roles(found: Localization, constants: UncertaintyConstants) -> Localization:
+    """Return a localization by homography or pose with far and near image swapped.
+
+    Args:
+        found: the localization.
+        constants: of the expected error, which is that of the other direction.
+    """
     inverse = None if found.far_from_near is None else _inverse(found.far_from_near)
     corners = None
     if isinstance(inverse, np.ndarray):
@@ -158,7 +165,26 @@ def swap_roles(found: Localization) -> Localization:
         far=found.near,
         near=found.far,
         intrinsics=None if cameras is None else Intrinsics(cameras.near, cameras.far),
+        expected_error=_expected_error(found, inverse, constants),
     )
+
+
+def _expected_error(
+    found: Localization, inverse: Matrix3 | RelativePose | None, constants: UncertaintyConstants
+) -> ExpectedError | None:
+    """Return the expected error of the inverse of what was found; that of a pose is the same."""
+    if inverse is None or isinstance(inverse, RelativePose):
+        return found.expected_error
+    points, new_near = found.points, found.far
+    return with_expected_error(
+        inverse,
+        "homography",
+        points.near[points.inliers],
+        points.far[points.inliers],
+        (new_near.width, new_near.height),
+        found.near.width / found.near.working_size[0],
+        constants,
+    )[1]
 
 
 def _swapped(excluded: Excluded) -> Excluded:
@@ -166,10 +192,7 @@ def _swapped(excluded: Excluded) -> Excluded:
 
 
 def _inverse(model: Matrix3 | RelativePose) -> Matrix3 | RelativePose:
-    if isinstance(model, RelativePose):
-        rotation = model.rotation.T
-        return RelativePose(rotation, -rotation @ model.translation)
-    return _inverted(model)
+    return model.inverse() if isinstance(model, RelativePose) else _inverted(model)
 
 
 def _inverted(homography: Matrix3) -> Matrix3:

@@ -11,6 +11,7 @@ from nearfar.models import (
     MODEL_NAMES,
     Agreement,
     Answer,
+    Candidate,
     Estimate,
     FailureKind,
     Task,
@@ -23,6 +24,7 @@ from nearfar.verification.conditioning import (
     relative_parallax,
 )
 from nearfar.verification.failures import failure_kind, with_refused
+from nearfar.verification.plane import dominant_plane, other_pose
 
 
 def accepted(
@@ -30,6 +32,7 @@ def accepted(
     task: Task,
     log10_nfa: float,
     near_size: tuple[int, int],
+    far_size: tuple[int, int],
     settings: Settings,
     *,
     same_place: bool = False,
@@ -41,6 +44,7 @@ def accepted(
         task: the task that it answers.
         log10_nfa: decimal logarithm of the number of false alarms.
         near_size: width and height of the near working image in pixels.
+        far_size: width and height of the far working image in pixels.
         settings: `max_false_alarms` and `min_confidence` are used; where the former is infinite,
             underdetermined models are accepted too.
         same_place: accept poses between cameras at one place.
@@ -49,7 +53,9 @@ def accepted(
         kind = failure_kind(answer.estimate.failure or "nothing-agrees", answer)
         named = dataclasses.replace(answer.estimate, failure=kind)
         return dataclasses.replace(answer, estimate=named)
-    refusal = _refusal(answer, task, log10_nfa, near_size, settings, same_place=same_place)
+    refusal = _refusal(
+        answer, task, log10_nfa, near_size, far_size, settings, same_place=same_place
+    )
     if refusal is None:
         return dataclasses.replace(answer, candidates=())
     estimate, confidence = answer.estimate, answer.confidence
@@ -67,7 +73,9 @@ def accepted(
         answer,
         estimate=failed,
         confidence=confidence,
-        candidates=with_refused(answer, task, near_size),
+        candidates=with_refused(answer, task, near_size)
+        if refusal.candidate is None
+        else (refusal.candidate, *answer.candidates),
     )
 
 
@@ -80,11 +88,13 @@ class _Refusal:
         why: the end of the sentence about the best model.
         contradicted: whether other evidence contradicts the model, or other models fit as well, so
             that the confidence is 0.
+        candidate: what the matches determine instead.
     """
 
     kind: FailureKind
     why: str
     contradicted: bool = False
+    candidate: Candidate | None = None
 
 
 def _refusal(
@@ -92,6 +102,7 @@ def _refusal(
     task: Task,
     log10_nfa: float,
     near_size: tuple[int, int],
+    far_size: tuple[int, int],
     settings: Settings,
     *,
     same_place: bool,
@@ -115,7 +126,28 @@ def _refusal(
         looks = f"but only {share:.0%} of the near image looks like the far image there"
         return _Refusal("disagreement", looks, contradicted=True)
     far, near = answer.far[estimate.inliers], answer.near[estimate.inliers]
-    return _underdetermined(estimate, far, near, task, near_size, settings.constants.acceptance)
+    open_ = _underdetermined(estimate, far, near, task, near_size, settings.constants.acceptance)
+    return _of_one_plane(answer, task, far_size, settings) if open_ is None else open_
+
+
+def _of_one_plane(
+    answer: Answer, task: Task, far_size: tuple[int, int], settings: Settings
+) -> _Refusal | None:
+    """Return why an epipolar geometry is open, where its inliers lie on one plane."""
+    if task.model == "homography":
+        return None
+    constants, points = settings.constants.plane, (answer.far, answer.near, answer.estimate)
+    plane = dominant_plane(*points, far_size, constants)
+    if plane is None or plane.log10_nfa <= math.log10(settings.max_false_alarms):
+        return None
+    count = f"but {plane.on.sum()} of these lie on one plane"
+    why = f"{count}, and {plane.beside} others are too few for the epipolar geometry"
+    if task.model == "pose":
+        if other_pose(plane, *points, task, constants) is None:
+            return None  # Known cameras: a plane determines the pose, but for a second one.
+        why = f"{count}, which another pose explains as well"
+    found = Candidate(plane.far_from_near, None, "plane")
+    return _Refusal("plane", why, contradicted=True, candidate=found)
 
 
 def _disagrees(found: Agreement, settings: Settings) -> bool:

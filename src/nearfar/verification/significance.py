@@ -6,8 +6,8 @@ import numpy as np
 
 from nearfar.arrays import Coordinates
 
-SAMPLE_SIZE = {"homography": 4, "fundamental": 7, "pose": 5}
-"""Matches that determine a model of each kind."""
+SAMPLE_SIZE = {"homography": 4, "fundamental": 7, "pose": 5, "parallax": 2}
+"""Matches that determine a model of each kind; "parallax" is the epipole beside a known plane."""
 
 
 def log10_nfa(

@@ -74,6 +74,10 @@ def assert_at_the_place(found: GeoPlace | None, metres: float) -> None:
 
 def test_a_known_place(georeferenced: Path, map_from_query: Matrix3) -> None:
     assert_at_the_place(geo_place(georeferenced, map_from_query, SIZE), 0.01)
+    found = geo_place(georeferenced, map_from_query, SIZE, None, 2.5)
+    assert found is not None
+    assert found.error == pytest.approx(2.5 * METRES, rel=0.01)
+    assert found.to_dict()["error"] == found.error
 
 
 def test_a_system_that_is_not_tied_to_the_earth(

@@ -17,6 +17,8 @@ from nearfar.undistortion import outline_in_far
 WGS84 = "EPSG:4326"
 DECIMALS = 9
 """Decimals of a degree in GeoJSON: a tenth of a millimetre."""
+METRES_PER_DEGREE = 111_195.0
+"""Length of a degree of latitude on a sphere of the Earth's mean radius."""
 
 WorldCoordinates = NDArray[np.float64]
 """(..., 2) easting and northing, or longitude and latitude, in this order for every CRS; or
@@ -52,11 +54,14 @@ class GeoPlace:
         outline: outline of the query in that system, in its units.
         longitude_latitude: outline in degrees of WGS 84; None where the system of the raster
             cannot be converted.
+        error: how far places of the query are expected to be off in the mean, in metres, by the
+            matches alone: the raster's own place may be off as well. None where it is not known.
     """
 
     crs: str
     outline: GeoOutline
     longitude_latitude: GeoOutline | None
+    error: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the position as JSON values."""
@@ -65,6 +70,7 @@ class GeoPlace:
             "crs": self.crs,
             **self.outline.to_dict(),
             "longitude_latitude": None if on_earth is None else on_earth.to_dict(),
+            "error": self.error,
         }
 
 
@@ -110,7 +116,11 @@ class QueryPose:
 
 
 def geo_place(
-    file: Path, map_from_query: Matrix3, size: tuple[int, int], cameras: Intrinsics | None = None
+    file: Path,
+    map_from_query: Matrix3,
+    size: tuple[int, int],
+    cameras: Intrinsics | None = None,
+    expected: float | None = None,
 ) -> GeoPlace | None:
     """Locate a query on the Earth by a homography to a GeoTIFF.
 
@@ -119,6 +129,7 @@ def geo_place(
         map_from_query: homography between undistorted pixels.
         size: width and height of the query, in pixels.
         cameras: of the map image (far) and the query (near); None where neither has distortion.
+        expected: expected error of the homography, in pixels of the map image.
 
     Returns:
         The position; None where the file is not a georeferenced GeoTIFF, or the horizon crosses
@@ -141,7 +152,28 @@ def geo_place(
         if crs is None or affine.is_identity:  # So rasterio reads a file without a place.
             return None
         world = np.asarray(transform(_world_from_pixel(affine), seen), np.float64)
-        return GeoPlace(crs.to_string(), _outline(world), _longitude_latitude(world, crs))
+        on_earth = _longitude_latitude(world, crs)
+        metres = _metres_per_pixel(seen[4], _world_from_pixel(affine), crs)
+        error = None if expected is None or metres is None else expected * metres
+        return GeoPlace(
+            crs.to_string(),
+            _outline(world),
+            None if on_earth is None else _outline(on_earth),
+            error,
+        )
+
+
+def _metres_per_pixel(
+    pixel: WorldCoordinates, world_from_pixel: Matrix3, crs: object
+) -> float | None:
+    """Return the size of a pixel of a raster on the ground; None where it cannot be converted."""
+    around = transform(world_from_pixel, pixel + np.array([[0, 0], [1, 0], [0, 1.0]]))
+    degrees = _longitude_latitude(np.asarray(around, np.float64), crs)
+    if degrees is None:
+        return None
+    to_metres = METRES_PER_DEGREE * np.array([np.cos(np.radians(degrees[0, 1])), 1])
+    sides = (degrees[1:] - degrees[0]) * to_metres
+    return float(np.sqrt((sides**2).sum() / 2))
 
 
 def _world_from_pixel(affine: object) -> Matrix3:
@@ -150,14 +182,14 @@ def _world_from_pixel(affine: object) -> Matrix3:
     return np.asarray(corner_based @ translation(0.5, 0.5))
 
 
-def _longitude_latitude(world: WorldCoordinates, crs: object) -> GeoOutline | None:
+def _longitude_latitude(world: WorldCoordinates, crs: object) -> WorldCoordinates | None:
     from rasterio.warp import transform as between_systems
 
     try:
         found = np.column_stack(between_systems(crs, WGS84, *world.T.tolist()))
     except Exception:  # GDAL cannot convert; its exceptions are private to rasterio.
         return None
-    return _outline(found) if np.isfinite(found).all() else None
+    return found if np.isfinite(found).all() else None
 
 
 def _outline(corners_and_centre: WorldCoordinates) -> GeoOutline:
