@@ -171,7 +171,8 @@ def _chosen(
 ) -> CameraIntrinsics:
     """Return the camera of a name, or the only one; the first one where that is asked."""
     if name is None and (first or len(cameras) == 1):
-        return cameras.get("P0") or next(iter(cameras.values()))
+        rectified = sorted(each for each in cameras if each.startswith("P"))
+        return cameras[next(iter(rectified), next(iter(cameras)))]
     if name in cameras:
         return cameras[name]
     example = f"{label.removeprefix('intrinsics file ')}#{next(iter(cameras))}"
