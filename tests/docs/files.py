@@ -48,6 +48,9 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
         mask = np.full_like(views[name], 255)
         mask[:20, :40] = 0
         write(folder / f"{name}-mask.png", mask)
+        write(folder / f"{name}-with-alpha.png", np.dstack([views[name], mask[..., 0]]))
+    write(folder / "masks" / "near.jpg.png", mask)
+    write(folder / "query-masks" / "closeup.jpg.png", mask)
     _write_cameras(folder)
     _write_photographs(folder, load, pair, views)
     _write_rasters(folder, pair, views)
