@@ -120,14 +120,15 @@ class Copy:
         """Return the tests that run the changed line, the quickest first.
 
         A line that is run only while modules are imported, such as a constant, is seen by all
-        tests that run anything in its file.
+        tests that run anything in its file. Where none is known, the tests of its room are run.
         """
         contexts = self._contexts(mutant.file, mutant.line) or self._contexts(mutant.file, None)
         known = sorted(contexts & self.seconds.keys(), key=lambda each: self.seconds[each])
-        return [
+        tests = [
             f"{name.rpartition('.')[0].replace('.', '/')}.py::{name.rpartition('.')[2]}"
             for name in known
         ]
+        return tests or [f"tests/{mutant.file.parts[2]}"]
 
     def _contexts(self, file: Path, line: int | None) -> set[str]:
         from coverage.numbits import numbits_to_nums
@@ -148,8 +149,6 @@ class Copy:
     def sees(self, mutant: Mutant) -> bool:
         """Return whether a test fails with the mutant."""
         tests = self.tests_of(mutant)
-        if not tests:
-            return False
         file = self.folder / mutant.file
         before = file.read_text("utf-8")
         file.write_text(mutant.source, "utf-8")
