@@ -73,7 +73,7 @@ class Cost:
 def described(files: list[Path], max_size: int, settings: Settings) -> tuple[list[Indexed], float]:
     """What a map would hold of each image, and seconds an image."""
     begun = time.process_time()
-    found = [_indexed(_Task(file, file.name, None, max_size, settings)) for file in files]
+    found = [_indexed(_Task(file, file.name, None, max_size, "", settings)) for file in files]
     seconds = (time.process_time() - begun) / len(files)
     return [each for each in found if isinstance(each, Indexed) and each.image.usable], seconds
 

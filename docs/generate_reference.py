@@ -35,7 +35,8 @@ FAMILY = re.compile(r"(\w+)-(\w+)@(\d+)")
 EXTRAS = {
     "bench": "`nearfar bench` and `nearfar report`",
     "map": "`nearfar map` and `nearfar.open_map`",
-    "geo": "maps of GeoTIFFs, with answers in their coordinates",
+    "geo": "TIFFs of other bands and depths; maps of GeoTIFFs, with world coordinates",
+    "heif": "HEIC images",
     "colmap": "maps of images that a COLMAP model knows",
     "export": "the export formats `colmap`, `hloc`, `png` and `svg`",
     "cloud": "`s3://` URLs for maps, images and results",

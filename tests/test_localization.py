@@ -93,7 +93,7 @@ def test_what_is_read_back_is_the_same(found: Localization) -> None:
 def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
     content = found.to_dict()
     optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded", "alternatives"}
-    optional |= {"candidates", "failure", "expected_error"}
+    optional |= {"candidates", "failure", "expected_error", "mirrored"}
     del content[data.draw(st.sampled_from(sorted(set(content) - optional)))]
     with pytest.raises(LocalizationError, match="to_dict"):
         Localization.from_dict(content)

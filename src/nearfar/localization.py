@@ -95,6 +95,7 @@ class Localization:
             homographies between the original images; the confidence is shared among all.
         candidates: where it failed, places that nothing confirms and that may be worth a look, best
             first, homographies between the original images.
+        mirrored: whether the near image was found mirrored (`allow_mirrored`).
         far: path and size of the far image.
         near: path and size of the near image.
         intrinsics: the cameras that the images were localized with, for their sizes; None where
@@ -127,6 +128,7 @@ class Localization:
     failure: FailureKind | None = None
     intrinsics: Intrinsics | None = None
     expected_error: ExpectedError | None = None
+    mirrored: bool = False
 
     @property
     def localized(self) -> bool:
@@ -171,6 +173,7 @@ class Localization:
             "method": self.method,
             "step": self.step,
             "agreement": self.agreement,
+            "mirrored": self.mirrored,
             "excluded": None if self.excluded is None else _excluded_as_dict(self.excluded),
             "alternatives": [
                 {"homography": each.far_from_near.tolist(), "score": each.score}
@@ -236,6 +239,7 @@ class Localization:
                     for each in content.get("alternatives", ())
                 ),
                 candidates=tuple(_read_candidate(each) for each in content.get("candidates", ())),
+                mirrored=bool(content.get("mirrored", False)),
                 failure=_read_failure(content.get("failure")),
                 intrinsics=_read_cameras(content.get("intrinsics")),
                 expected_error=ExpectedError.from_dict(content.get("expected_error")),

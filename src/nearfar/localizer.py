@@ -1,5 +1,6 @@
 """Localizing pairs of images with one set of settings."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -29,6 +30,7 @@ from nearfar.imaging.undistorted import View, view_of
 from nearfar.landmarks import NO_LANDMARKS
 from nearfar.localization import Localization, PointMatches
 from nearfar.methods import METHODS, Method
+from nearfar.mirroring import mirrored, of_the_original, with_hint
 from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
 from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer, Watcher
@@ -39,6 +41,9 @@ from nearfar.verification.acceptance import accepted
 from nearfar.verification.expected_error import ExpectedError, with_expected_error
 from nearfar.verification.failures import reason_of
 from nearfar.verification.significance import log10_nfa
+
+REDUCED = 3.0
+"""Reduction of the far image from which on a failure names the way to search it less reduced."""
 
 
 class Localizer:
@@ -52,6 +57,8 @@ class Localizer:
         store: features on disk, where those not in memory are looked up and kept.
         engine: the method itself, where it is not to be made from the settings.
         same_place: accept poses between cameras at one place, whose direction means nothing.
+        mirror_hints: after a failure, match the points of the mirrored near image, to say so in
+            the reason where they agree; only the method `adaptive` does.
         **options: settings to change, by name.
 
     Raises:
@@ -67,6 +74,7 @@ class Localizer:
         store: FeatureStore | None = None,
         engine: Method[Any] | None = None,
         same_place: bool = False,
+        mirror_hints: bool = True,
         **options: Any,
     ) -> None:
         self.settings = (settings or Settings()).replace(**options)
@@ -76,8 +84,11 @@ class Localizer:
         DETECTORS.factory(self.settings.detector)
         MATCHERS.factory(self.settings.matcher)
         ESTIMATORS.factory(self.settings.estimator)
-        self._same_place = same_place
+        self._same_place, self._mirror_hints = same_place, mirror_hints
         self._method = engine or METHODS.create(self.settings.method, self.settings)
+        quick = engine is None and self.settings.method == "adaptive"
+        points_only = self.settings.replace(max_effort="points")
+        self._quick = METHODS.create("adaptive", points_only) if quick else None
         self._stored = None if store is None else store.of(self.settings)
         self._features: LRUCache[str, Any] = LRUCache(cache_bytes, lambda value: value.nbytes)
 
@@ -101,7 +112,8 @@ class Localizer:
         """Find where the near image lies in the far image.
 
         Args:
-            far: path or array (RGB) of the image that shows more of the scene, smaller.
+            far: path or array (RGB, see the setting `channels`) of the image that shows more of the
+                scene, smaller.
             near: path or array of the image that shows the scene larger.
             model: kind of model; where None, pose with the intrinsics of both cameras, and
                 homography without.
@@ -131,11 +143,34 @@ class Localizer:
             far_image, near_image = self._read(far, far_mask), self._read(near, near_mask)
             far_view, near_view = self._views(known, far_image, near_image)
         task = _task(kind, far_view, near_view, expected)
-        answer = self._method.localize(
-            self._extract(far_view.image, timer), self._extract(near_view.image, timer), task, timer
-        )
-        found = self._localization(task, answer, far_view.image, near_view.image, timer)
-        return in_original_pixels(found, far_view, near_view, (far_image.info, near_image.info))
+        found = self._found(self._method, task, far_view.image, near_view.image, timer)
+        if not found.localized and kind != "pose":
+            found = self._mirrored(found, task, far_view.image, near_view.image, timer)
+        found = in_original_pixels(found, far_view, near_view, (far_image.info, near_image.info))
+        return found if found.localized else _with_size(found)
+
+    def _found(
+        self, method: Method[Any], task: Task, far: Image, near: Image, timer: StageTimer
+    ) -> Localization:
+        answer = method.localize(self._extract(far, timer), self._extract(near, timer), task, timer)
+        return self._localization(task, answer, far, near, timer)
+
+    def _mirrored(
+        self, failed: Localization, task: Task, far: Image, near: Image, timer: StageTimer
+    ) -> Localization:
+        """Return the answer for the mirrored near image if it is allowed, else a hint at it.
+
+        For the hint, the points alone are matched again, by the method `adaptive` alone.
+        """
+        allowed = self.settings.allow_mirrored
+        if not allowed and (self._quick is None or not self._mirror_hints):
+            return failed
+        method = self._method if allowed or self._quick is None else self._quick
+        flipped = dataclasses.replace(task, expected=())
+        found = self._found(method, flipped, far, mirrored(near), timer)
+        if not found.localized:
+            return failed
+        return of_the_original(found) if allowed else with_hint(failed)
 
     def remember(self, image: Image, features: Any) -> None:
         """Take the features of an image as known, so that they need not be computed.
@@ -153,7 +188,12 @@ class Localizer:
     def _read(self, source: ImageSource, mask: MaskSource | None) -> Image:
         settings = self.settings
         return read_image(
-            source, max_size=settings.max_size, max_pixels=settings.max_pixels, mask=mask
+            source,
+            max_size=settings.max_size,
+            max_pixels=settings.max_pixels,
+            mask=mask,
+            bands=settings.bands,
+            channels=settings.channels,
         )
 
     def _views(self, known: Intrinsics | None, far: Image, near: Image) -> tuple[View, View]:
@@ -313,6 +353,19 @@ def localize(
     if method is not None:
         options["method"] = method
     return Localizer(**options).localize(far, near, model=model, intrinsics=intrinsics)
+
+
+def _with_size(failed: Localization) -> Localization:
+    """Return a failure whose reason says that the far image was reduced much."""
+    far = failed.far
+    columns, rows = far.working_size
+    if far.width < REDUCED * columns or failed.model != "homography":
+        return failed
+    hint = (
+        f"the far image was reduced from {far.width}x{far.height} to {columns}x{rows} pixels: "
+        f"search windows of it (--far-tiles), or raise --max-size"
+    )
+    return dataclasses.replace(failed, reason=f"{failed.reason}; {hint}")
 
 
 def _check_lengths(answer: Answer, method: str) -> None:

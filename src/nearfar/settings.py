@@ -18,6 +18,9 @@ Effort = Literal["points", "landmarks", "zoom", "views"]
 EFFORTS: tuple[Effort, ...] = get_args(Effort)
 """Steps of the method `adaptive`, each with all before it."""
 
+Channels = Literal["rgb", "bgr"]
+"""Order of the channels of an array."""
+
 ProposalMode = Literal["single", "fast", "quality"]
 """Strategies of Selective Search."""
 
@@ -93,6 +96,12 @@ class Settings:
         max_size: Longest side of a working image, in pixels. Larger images are reduced; 0 keeps
             the original size.
         max_pixels: Refuse images with more pixels, which may be decompression bombs.
+        bands: Bands of an image to show as red, green and blue, such as 4,3,2. One band is shown as
+            grey. By default those that the file names, or the first three.
+        channels: Order of the channels of images that are given as arrays: rgb, or bgr as in
+            OpenCV.
+        allow_mirrored: Where nothing is found, look for the mirrored near image as well, such as a
+            slide that is turned over. Poses are never mirrored.
         seed: Seed of all random choices.
         weights: Files with the weights of networks (.safetensors, .pth or .onnx), by the name of
             the network.
@@ -133,6 +142,11 @@ class Settings:
     )
     max_size: int = field(default=1600, metadata=_rule(Range(0)))
     max_pixels: int = field(default=200_000_000, metadata=_rule(Range(1)))
+    bands: str = field(default="", metadata={"features": False})
+    channels: Channels = field(
+        default="rgb", metadata=_rule(OneOf(get_args(Channels)), features=False)
+    )
+    allow_mirrored: bool = field(default=False, metadata={"features": False})
     seed: int = field(default=0, metadata=_rule(Range(0), features=False))
     weights: Mapping[str, Path] = field(default_factory=dict)
     descriptor: str = "nearfar"
@@ -168,7 +182,7 @@ class Settings:
             wanted = int if item.name == "proposal_k" and value is not None else item.type
             if wanted is float:
                 fits = isinstance(value, (int, float)) and not isinstance(value, bool)
-            elif wanted in (int, str):
+            elif wanted in (int, str, bool):
                 fits = type(value) is wanted
             else:
                 continue

@@ -18,7 +18,8 @@ from tifffile import imwrite
 from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import outline, transform
 from nearfar.imaging.decoding import quiet_pillow
-from nearfar.imaging.image import Image, read_image, reduced_size
+from nearfar.imaging.image import Image, read_image
+from nearfar.imaging.tiles import reduced_size
 
 GRADIENT = np.stack(np.broadcast_arrays(*np.ogrid[0:240:8, 0:200:5], 77), -1).astype(np.uint8)
 """(30, 40, 3), different in every pixel."""

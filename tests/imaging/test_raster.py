@@ -15,7 +15,8 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MissingExtraError
-from nearfar.imaging.raster import Raster, open_raster, tiff_header
+from nearfar.imaging.raster import Raster, open_raster
+from nearfar.imaging.tiff import tiff_header
 from nearfar.imaging.tiles import Tile
 from nearfar.maps.images import Photograph, open_image
 
@@ -105,7 +106,7 @@ def test_pixels_without_data_are_grey(tmp_path: Path, bands: np.ndarray, by: str
     assert found[52:].std() > 30
 
 
-@pytest.mark.parametrize("kind", ["float32", "palette", "truncated"])
+@pytest.mark.parametrize("kind", ["complex64", "palette", "truncated"])
 def test_what_cannot_be_read_says_why(tmp_path: Path, bands: np.ndarray, kind: str) -> None:
     file = tmp_path / "map.tif"
     if kind == "palette":
@@ -113,10 +114,10 @@ def test_what_cannot_be_read_says_why(tmp_path: Path, bands: np.ndarray, kind: s
         with rasterio.open(file, "r+") as dataset:
             dataset.write_colormap(1, {0: (255, 0, 0, 255)})
     else:
-        write_tiff(file, bands.astype("float32" if kind == "float32" else "uint8"))
+        write_tiff(file, bands.astype("complex64" if kind == "complex64" else "uint8"))
     if kind == "truncated":
         file.write_bytes(file.read_bytes()[:200_000])
-    words = {"float32": "float32", "palette": "gdal_translate", "truncated": "cannot be read"}
+    words = {"complex64": "amplitudes", "palette": "gdal_translate", "truncated": "cannot be read"}
     with pytest.raises(ImageError, match=words[kind]):
         open_raster(file).read(Tile(0, 0, 512, 512, 512, 512))
 

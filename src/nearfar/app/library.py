@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from PIL import Image as PillowImage
-
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import Uploads
-from nearfar.imaging.decoding import FORMATS
+from nearfar.imaging.decoding import image_suffixes
 from nearfar.maps.manifest import FILE as MAP_FILE
 from nearfar.storage.locations import is_text
 
@@ -82,8 +80,7 @@ class Library:
     def __init__(self, folders: Sequence[Path], uploads: Uploads) -> None:
         self._roots = {_key(folder.resolve()): folder.resolve() for folder in folders}
         self._uploads = uploads
-        known = PillowImage.registered_extensions()
-        self._suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
+        self._suffixes = image_suffixes()
 
     @property
     def served(self) -> tuple[Path, ...]:

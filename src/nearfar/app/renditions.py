@@ -10,9 +10,10 @@ from PIL import Image as PillowImage
 
 from nearfar.app.configuration import Limits
 from nearfar.arrays import Matrix3
-from nearfar.imaging.image import Image, ImageInfo, read_image, reduced_size
-from nearfar.imaging.raster import open_raster, tiff_header
-from nearfar.imaging.tiles import Tile
+from nearfar.imaging.image import Image, ImageInfo, read_image
+from nearfar.imaging.raster import open_raster
+from nearfar.imaging.tiff import tiff_header
+from nearfar.imaging.tiles import Tile, reduced_size
 from nearfar.render.draw import rendered
 
 LONGEST = 6000

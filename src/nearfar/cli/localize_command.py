@@ -24,6 +24,7 @@ from nearfar.localizer import Localizer
 from nearfar.models import MODEL_NAMES, ModelKind
 from nearfar.render import save_localization
 from nearfar.settings import Settings
+from nearfar.tiled import localize_in_tiles
 from nearfar.undistortion import outline_in_far
 from nearfar.verification.expected_error import ExpectedError
 
@@ -39,6 +40,7 @@ def localize_command(
     near_camera: CameraOption = None,
     far_mask: Path | None = None,
     near_mask: Path | None = None,
+    far_tiles: Flag = False,
     as_json: Annotated[Flag, Parameter(name="--json")] = False,
     save: Path | None = None,
     top: int = 1,
@@ -64,6 +66,8 @@ def localize_command(
         near_camera: The camera that took NEAR, as in --intrinsics. Distortion is undone.
         far_mask: Image as large as FAR, black where it must not be used.
         near_mask: Image as large as NEAR, black where it must not be used.
+        far_tiles: If nothing is found, search windows of FAR as well. This is for panoramas, which
+            the working size reduces too much. Only homographies are found.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
@@ -82,6 +86,8 @@ def localize_command(
     found = localizer.localize(
         far, near, model=model, intrinsics=cameras, far_mask=far_mask, near_mask=near_mask
     )
+    if far_tiles and not found.localized:
+        found = localize_in_tiles(found, far, near, localizer.settings, far_mask, near_mask)
     saved = []
     if save is not None:
         pictures = save_localization(found, save, top=top)
@@ -146,6 +152,8 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
     if found.confidence is not None:
         decided = f", decided by {found.step}" if found.localized else ""
         lines.append(f"confidence: {found.confidence:.2f}{decided}")
+    if found.mirrored:
+        lines.append("mirrored: the near image was found with left and right exchanged")
     if found.excluded is not None:
         lines.append(f"left out: {found.excluded.matches} matches on an overlay of both pictures")
     if found.alternatives:

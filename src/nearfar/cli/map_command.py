@@ -28,7 +28,9 @@ from nearfar.cli.options import (
 )
 from nearfar.errors import SettingsError
 from nearfar.geometry.camera_files import read_camera
+from nearfar.imaging.kinds import is_video_name
 from nearfar.imaging.mask_folder import MaskFolder
+from nearfar.imaging.video import check_rate
 from nearfar.maps import DEFAULTS, PACKAGES, open_map
 from nearfar.runtime import logs, require
 from nearfar.runtime.logs import shown_progress
@@ -51,6 +53,8 @@ def build_command(
     masks: Path | None = None,
     max_size: int | None = None,
     max_pixels: int = DEFAULTS.max_pixels,
+    bands: str = "",
+    fps: float = 1.0,
     weights: WeightOptions = (),
     work: WorkOptions = DEFAULT_WORK,
     world: WorldOptions = NO_WORLD,
@@ -68,10 +72,14 @@ def build_command(
             the mask PATH.png. A mask is as large as its image, and black where it must not be used.
         max_size: Longest side in pixels to which images are reduced; by default they are not.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
+        bands: Bands of the images to show as red, green and blue, such as 4,3,2. One band is shown
+            as grey. By default, each file names its colours.
+        fps: Frames to take a second of videos among IMAGES. They are written beside the map, into
+            MAP-frames, as files that are named by their time.
         weights: File of another model of the descriptor, as nearfar=FILE.
     """
-    settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    _add(out, images, settings, work, world, masks=masks, create=True, max_size=max_size)
+    settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels, bands=bands), weights)
+    _add(out, images, settings, work, world, masks=masks, fps=fps, create=True, max_size=max_size)
 
 
 @map_app.command(name="add")
@@ -82,6 +90,7 @@ def add_command(
     *,
     masks: Path | None = None,
     max_pixels: int = DEFAULTS.max_pixels,
+    fps: float = 1.0,
     weights: WeightOptions = (),
     work: WorkOptions = DEFAULT_WORK,
     world: WorldOptions = NO_WORLD,
@@ -95,10 +104,11 @@ def add_command(
         masks: Folder of masks in COLMAP's naming. The image at PATH below its folder in IMAGES has
             the mask PATH.png. A mask is as large as its image, and black where it must not be used.
         max_pixels: Skip images with more pixels, which may be decompression bombs.
+        fps: Frames to take a second of videos among IMAGES.
         weights: File of another model of the descriptor, as nearfar=FILE.
     """
     settings = with_weights(DEFAULTS.replace(max_pixels=max_pixels), weights)
-    _add(folder, images, settings, work, world, masks=masks)
+    _add(folder, images, settings, work, world, masks=masks, fps=fps)
 
 
 @map_app.command(name="remove")
@@ -208,6 +218,7 @@ def locate_command(
     geojson: Path | None = None,
     intrinsics: CameraOption = None,
     masks: Path | None = None,
+    fps: float = 1.0,
     search: SearchOptions = DEFAULT_SEARCH,
     work: WorkOptions = DEFAULT_WORK,
 ) -> int:
@@ -217,7 +228,7 @@ def locate_command(
 
     Args:
         folder: Folder of the map.
-        queries: Images to locate, or their URLs.
+        queries: Images or videos to locate, or URLs of images.
         as_json: Print one JSON object a line for each query instead of text.
         save: Folder or URL for a JSON file and a picture of each query.
         geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
@@ -227,21 +238,36 @@ def locate_command(
             poses of the queries.
         masks: Folder of masks of the queries. A query whose file is NAME has the mask NAME.png. A
             mask is as large as its query, and black where it must not be used.
+        fps: Frames to locate a second of videos.
     """
+    check_rate(fps)
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=search.settings())
-    from nearfar.cli.map_queries import Query, died, locate_query
+    from nearfar.cli.map_queries import Query, died, locate_query, with_frames
 
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     folder_of_masks = None if masks is None else MaskFolder.opened(masks)
     run, workers, meter = uuid.uuid4().hex, work.begin("map"), Meter()
-    tasks = [
-        Query(query, name, folder, search, camera, save, run, _mask_of(query, folder_of_masks))
-        for query, name in zip(queries, _names(queries), strict=True)
-    ]
     located = []
-    with shown_progress("queries") as show:
+    with (
+        with_frames(queries, fps, search.max_pixels) as given,
+        shown_progress("queries") as show,
+    ):
+        tasks = [
+            Query(
+                query,
+                shown,
+                name,
+                folder,
+                search,
+                camera,
+                save,
+                run,
+                _mask_of(query, folder_of_masks),
+            )
+            for (query, shown), name in zip(given, _names([each[1] for each in given]), strict=True)
+        ]
         for found in workers.run_in_order(locate_query, tasks, died, meter):
             show(meter.done, len(tasks))
             if found.error is None:
@@ -283,12 +309,15 @@ def _add(
     world: WorldOptions,
     *,
     masks: Path | None = None,
+    fps: float,
     create: bool = False,
     max_size: int | None = None,
 ) -> None:
     """Add images to a map, attach their poses, and print what was done."""
+    check_rate(fps)
     sources = world.read()
     map_ = open_map(folder, create=create, max_size=max_size, settings=settings)
+    images = _with_frames(images, folder, settings, fps)
     workers = work.begin("map")
     with shown_progress("images") as show:
         added = map_.add(
@@ -307,6 +336,28 @@ def _add(
     logs.event("images added", map=str(map_.folder), **took.to_dict())
     for source in sources:
         _say(f"{map_.attach(source, images)} images have a pose")
+
+
+def _with_frames(
+    images: Sequence[Location], folder: Location, settings: Settings, fps: float
+) -> list[Location]:
+    """Return the images with the frames of each video in its place, which are written to files.
+
+    Raises:
+        SettingsError: there is a video, and the map is in object storage.
+    """
+    from nearfar.maps.frames import VideoFrames
+
+    found: list[Location] = []
+    for each in images:
+        if not (isinstance(each, Path) and is_video_name(each) and not each.is_dir()):
+            found.append(each)
+            continue
+        if not isinstance(folder, Path):
+            raise SettingsError(f"the frames of {each} need a map on a disk: give --out a folder")
+        frames = folder.parent / f"{folder.name}-frames" / each.stem
+        found += VideoFrames(each, frames, fps, settings.max_pixels).files()
+    return found
 
 
 def _say(line: str) -> None:

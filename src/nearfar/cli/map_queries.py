@@ -1,6 +1,9 @@
 """Queries of `nearfar map locate`: each is located here or by a worker, which returns text."""
 
 import functools
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +12,10 @@ from nearfar.arrays import Coordinates
 from nearfar.cli.options import SearchOptions
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
+from nearfar.imaging.kinds import is_video_name
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
+from nearfar.maps.frames import VideoFrames
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.storage.locations import Location, local_copy, staged
@@ -25,6 +30,7 @@ class Query:
 
     Attributes:
         source: file of the query.
+        shown: what the result calls it; of a frame, the video and the time.
         name: name of the files that are saved for the query, without suffix.
         folder: folder of the map.
         search: how to search the map.
@@ -35,6 +41,7 @@ class Query:
     """
 
     source: Location
+    shown: Location
     name: str
     folder: Location
     search: SearchOptions
@@ -63,6 +70,26 @@ class Located:
     features: tuple[dict[str, Any], ...] = ()
 
 
+@contextmanager
+def with_frames(
+    queries: Sequence[Location], fps: float, max_pixels: int
+) -> Iterator[list[tuple[Location, Location]]]:
+    """Yield the file of each query and what to call it, with the frames of videos in their place.
+
+    Raises:
+        ImageError: a video cannot be decoded.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        found: list[tuple[Location, Location]] = []
+        for number, query in enumerate(queries):
+            if not (isinstance(query, Path) and is_video_name(query)):
+                found.append((query, query))
+                continue
+            frames = VideoFrames(query, Path(folder) / str(number), fps, max_pixels).files()
+            found += [(each, query.with_name(f"{query.name}#t={each.stem}")) for each in frames]
+        yield found
+
+
 def locate_query(query: Query) -> Located:
     """Locate a query, and save its files.
 
@@ -83,7 +110,7 @@ def locate_query(query: Query) -> Located:
         raise
     except Exception as error:  # Libraries raise many kinds of errors for an image.
         return Located(f"{query.source}: {type(error).__name__}: {error}")
-    found = replace(found, query=query.source)
+    found = replace(found, query=query.shown)
     if query.save is not None:
         with staged(query.save) as folder:
             found.save(folder, query.name)

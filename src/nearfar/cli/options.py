@@ -19,8 +19,11 @@ from nearfar.storage.locations import Url, location
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option without a value."""
 
-EACH_SETTING = Parameter(name="*", group="Settings", parse=re.compile("^(?!(weights|constants)$)"))
-"""Makes each setting one option. `WeightOptions` reads the weights; constants have no options."""
+EACH_SETTING = Parameter(
+    name="*", group="Settings", parse=re.compile("^(?!(weights|constants|channels)$)")
+)
+"""Makes each setting one option. `WeightOptions` reads the weights. Constants, and the channels of
+arrays, have no options."""
 
 SettingsOptions = Annotated[Settings, EACH_SETTING]
 """Type of an argument that takes each setting as one option."""
@@ -153,6 +156,9 @@ class SearchOptions:
     max_pixels: int = DEFAULTS.max_pixels
     """Refuse images with more pixels, which may be decompression bombs."""
 
+    bands: str = ""
+    """Bands of the queries to show as red, green and blue, such as 4,3,2. One is shown as grey."""
+
     weights: WeightOptions = ()
     """File of another model of the descriptor, as nearfar=FILE."""
 
@@ -168,6 +174,7 @@ class SearchOptions:
             max_effort=self.max_effort,
             min_confidence=self.min_confidence,
             max_pixels=self.max_pixels,
+            bands=self.bands,
         )
         return with_weights(chosen, self.weights)
 

@@ -15,7 +15,7 @@ from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import ImageInfo
-from nearfar.imaging.raster import tiff_header
+from nearfar.imaging.tiff import tiff_header
 from nearfar.localization import Localization
 from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
 from nearfar.storage.locations import as_text, replaced

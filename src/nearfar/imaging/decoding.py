@@ -2,8 +2,9 @@
 
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,24 @@ from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
-from nearfar.errors import ImageError
-from nearfar.imaging.orientation import orientation_of, oriented
+from nearfar.errors import ImageError, NearfarError
+from nearfar.imaging.kinds import HEIF_SUFFIXES, foreign_kind, is_heif
+from nearfar.imaging.mask import PixelMask
+from nearfar.imaging.orientation import TRANSPOSED, UPRIGHT, orientation_of, oriented
+from nearfar.imaging.raster import checked_bands, open_raster
+from nearfar.imaging.tiff import (
+    WHITE_IS_ZERO,
+    TiffHeader,
+    first_bytes,
+    jpeg2000_header,
+    tiff_header,
+)
+from nearfar.imaging.tiles import Tile, reduced_size
 
-FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
+FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "AVIF")
+"""Formats that Pillow reads without an extra."""
+HEIF = "HEIF"
+"""Format of HEIC files, which Pillow reads with the extra `heif`."""
 
 
 def regular_file(source: Any) -> Path:
@@ -33,6 +48,8 @@ def regular_file(source: Any) -> Path:
     try:
         if path.is_dir():
             raise ImageError(f"{path} is a folder, not an image")
+        if path.is_symlink() and not path.exists():
+            raise ImageError(f"{path} is a link to {path.readlink()}, which does not exist")
         if not path.exists():
             raise ImageError(f"{path} does not exist")
         if not path.is_file():
@@ -51,28 +68,140 @@ def check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
         )
 
 
-def decode(path: Path, max_pixels: int) -> NDArray[Any]:
-    """Return the pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
+def image_suffixes() -> frozenset[str]:
+    """Return the suffixes, in lower case, of files that may be images, with those of HEIC."""
+    known = PillowImage.registered_extensions()
+    return HEIF_SUFFIXES | {suffix for suffix, kind in known.items() if kind in FORMATS}
+
+
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """The pixels of a file as displayed, after its orientation.
+
+    Attributes:
+        pixels: (height, width) or (height, width, 3 or 4), uint8 or uint16; the fourth is alpha.
+        width: of the original, in pixels; `pixels` may be reduced already.
+        height: of the original, in pixels.
+        mask: (height, width) of `pixels`, True where the file has data; None: everywhere.
+    """
+
+    pixels: NDArray[Any]
+    width: int
+    height: int
+    mask: PixelMask | None = None
+
+
+def decode(path: Path, max_pixels: int, *, max_size: int = 0, bands: Sequence[int] = ()) -> Decoded:
+    """Decode a file as it is displayed.
+
+    Files whose bands, types or missing data only GDAL reads correctly are reduced while they are
+    read, and come as 8 bits. Other files come at their size and depth.
+
+    Args:
+        path: the file.
+        max_pixels: refuse images with more pixels.
+        max_size: longest side to which GDAL reduces, in pixels; 0 does not reduce.
+        bands: numbers, from 1, of three bands, or of one; empty: those that the file names.
+
+    Raises:
+        ImageError: it cannot be read, or has more pixels than allowed.
+        MissingExtraError: only a package of an extra reads the file, and is not installed.
+    """
     try:
-        # Pillow would map a file that it is given by name, and read TIFFs stored turned as garbage.
-        with (
-            quiet_pillow(),
-            path.open("rb") as file,
-            PillowImage.open(file, formats=FORMATS) as opened,
-        ):
-            check_limit(str(path), opened.width, opened.height, max_pixels)
-            deep = _is_deep_colour(opened)
-            opened.load()
-            stored = _decode_deep_colour(path) if deep else _channels(path, opened)
-            return oriented(stored, orientation_of(opened))
+        start = first_bytes(path)
+        kind = foreign_kind(path, start)
+        if kind is not None:
+            raise ImageError(f"{path} is {kind}")
+        with quiet_pillow():
+            tiff = tiff_header(path)
+        if tiff is not None:
+            tiff.check_colours(path)
+            check_limit(str(path), tiff.width, tiff.height, max_pixels)
+        jpeg = jpeg2000_header(start)
+        header = tiff or jpeg
+        if header is not None and (header.needs_gdal or (tiff is not None and bands)):
+            return _decode_with_gdal(path, tiff, max_pixels, max_size, bands)
+        array = _decode(path, max_pixels, tiff, start)
+    except NearfarError:
+        raise
     except UnidentifiedImageError:
         raise ImageError(
-            f"{path} is not an image that can be read ({', '.join(FORMATS)})"
+            f"{path} is not an image that can be read ({', '.join((*FORMATS, HEIF))}): convert it "
+            f"to one of these"
         ) from None
-    except ImageError:
-        raise
     except Exception as error:  # Damaged files make decoders raise whatever they like.
         raise ImageError(f"{path} cannot be read: {error}") from error
+    shown = select_bands(array, bands, str(path))
+    return Decoded(shown, array.shape[1], array.shape[0])
+
+
+def select_bands(array: NDArray[Any], bands: Sequence[int], name: str) -> NDArray[Any]:
+    """Return (height, width, 3) of the chosen bands; the array itself where none are chosen.
+
+    Raises:
+        ImageError: the image does not have one of them.
+    """
+    stacked = array if array.ndim == 3 else array[..., np.newaxis]
+    chosen = checked_bands(bands, stacked.shape[2], name)
+    return array if chosen is None else stacked[..., [band - 1 for band in chosen]]
+
+
+def _decode_with_gdal(
+    path: Path, tiff: TiffHeader | None, max_pixels: int, max_size: int, bands: Sequence[int]
+) -> Decoded:
+    raster = open_raster(path, bands=bands)
+    check_limit(str(path), raster.width, raster.height, max_pixels)
+    columns, rows = reduced_size(raster.width, raster.height, max_size)
+    found = raster.read_masked(Tile(0, 0, raster.width, raster.height, columns, rows))
+    orientation = UPRIGHT if tiff is None or not 1 <= tiff.orientation <= 8 else tiff.orientation
+    width, height = raster.width, raster.height
+    if orientation in TRANSPOSED:
+        width, height = height, width
+    mask = None if found.mask is None else oriented(found.mask, orientation)
+    return Decoded(oriented(found.pixels, orientation), width, height, mask)
+
+
+def _decode(path: Path, max_pixels: int, tiff: TiffHeader | None, start: bytes) -> NDArray[Any]:
+    """Return the pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
+    formats = (_register_heif(path),) if is_heif(start) else FORMATS
+    # Pillow would map a file that it is given by name, and read TIFFs stored turned as garbage.
+    with (
+        quiet_pillow(),
+        path.open("rb") as file,
+        PillowImage.open(file, formats=formats) as opened,
+    ):
+        check_limit(str(path), opened.width, opened.height, max_pixels)
+        deep = tiff.deep_colour if tiff is not None else _is_deep_colour(opened)
+        opened.load()
+        stored = _decode_deep_colour(path) if deep else _channels(path, opened)
+        if tiff is not None:
+            stored = _as_tiff_says(stored, tiff)
+        return oriented(stored, orientation_of(opened))
+
+
+def _as_tiff_says(stored: NDArray[Any], tiff: TiffHeader) -> NDArray[Any]:
+    """Drop a fourth band that is no alpha, and make white bright in deep grey values."""
+    if stored.ndim == 3 and stored.shape[2] == 4 and tiff.samples == 4 and not tiff.alpha:
+        return stored[..., :3]
+    if stored.ndim == 2 and stored.dtype == np.uint16 and tiff.photometric == WHITE_IS_ZERO:
+        return np.asarray((2 ** tiff.bits[0] - 1) - stored, np.uint16)
+    return stored
+
+
+def _register_heif(path: Path) -> str:
+    """Make Pillow read HEIC files, and return the name of their format.
+
+    Raises:
+        ImageError: the extra `heif` is not installed.
+    """
+    try:
+        import pi_heif
+    except ImportError:
+        raise ImageError(
+            f"{path} is a HEIC image: pip install 'nearfar[heif]', or convert it to JPEG"
+        ) from None
+    pi_heif.register_heif_opener()
+    return HEIF
 
 
 def read_orientation(file: Path) -> int:
@@ -83,6 +212,8 @@ def read_orientation(file: Path) -> int:
     """
     path = regular_file(file)
     try:
+        if is_heif(first_bytes(path)):
+            return UPRIGHT  # Its decoder turns the pixels.
         with (
             quiet_pillow(),
             path.open("rb") as content,

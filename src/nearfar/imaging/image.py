@@ -2,9 +2,10 @@
 
 import hashlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -13,14 +14,24 @@ from numpy.typing import NDArray
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import scaling
-from nearfar.imaging.decoding import check_limit, decode, regular_file
-from nearfar.imaging.mask import MaskSource, PixelMask, filled, read_mask, reduced, without_border
-
-TRANSPARENT_GREY = 128
-"""What shows through transparent pixels."""
+from nearfar.imaging.decoding import Decoded, check_limit, decode, regular_file, select_bands
+from nearfar.imaging.mask import (
+    TRANSPARENT_GREY,
+    MaskSource,
+    PixelMask,
+    filled,
+    read_mask,
+    reduced,
+    without_border,
+)
+from nearfar.imaging.tiles import reduced_size
+from nearfar.settings import Channels
 
 ImageSource = str | os.PathLike[str] | NDArray[Any]
 """A path, or an array (height, width), (height, width, 3) RGB or (height, width, 4) RGBA."""
+
+Bands = str | Sequence[int]
+"""Numbers of bands, from 1: three, or one, as "4,3,2" or (4, 3, 2); empty: the file's colours."""
 
 
 @dataclass(frozen=True)
@@ -93,81 +104,120 @@ class ImagePair:
     near: Image
 
 
-def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:
-    """Return (width, height) reduced so that neither exceeds `max_size`; 0 reduces nothing."""
-    longest = max(width, height)
-    if max_size == 0 or longest <= max_size:
-        return width, height
-    factor = max_size / longest
-    return max(1, round(width * factor)), max(1, round(height * factor))
-
-
 def read_image(
     source: ImageSource,
     *,
     max_size: int = 0,
     max_pixels: int = 200_000_000,
     mask: MaskSource | None = None,
+    bands: Bands = (),
+    channels: Channels = "rgb",
 ) -> Image:
     """Read an image and reduce it to its working size.
 
     EXIF rotation is applied, grey becomes RGB. Transparent pixels are masked, as are those where
-    the mask is 0; masked pixels get the colours around them. Values of 16 bits are
-    scaled to 8 by the smallest bit depth that holds the largest of them, so that the 12 bits of a
-    sensor use the whole range.
+    the mask is 0 and those for which the file has no data; masked pixels get the colours around
+    them. Values of 16 bits are scaled to 8 by the smallest bit depth that holds the largest of
+    them, so that the 12 bits of a sensor use the whole range. Signed, 32-bit and floating-point
+    values are scaled by their percentiles 0.1 and 99.9.
 
     Args:
-        source: a file (JPEG, PNG, TIFF, WebP, BMP or PPM; of several pages the first), or an
-            array of uint8 or uint16.
+        source: a file (JPEG, PNG, TIFF, WebP, BMP, PPM, JPEG 2000 or AVIF; HEIC with the extra
+            `heif`; of several pages the first), or an array of uint8 or uint16.
         max_size: longest side of the working image in pixels; 0 keeps the original size.
         max_pixels: refuse images with more pixels.
         mask: file or array of the original size as displayed; 0, black, is left out.
+        bands: numbers, from 1, of the bands shown as red, green and blue, or of one shown as grey,
+            as "4,3,2" or (4, 3, 2); empty: those that the file names, or the first three.
+        channels: order of the channels of an array, "rgb" or "bgr" (OpenCV's).
 
     Raises:
         ImageError: it cannot be read, or is larger than `max_pixels`; the mask cannot be read, or
             has another size, or leaves nothing.
-        SettingsError: `max_size` is negative.
+        MissingExtraError: only a package of an extra reads the file, and is not installed.
+        SettingsError: `max_size` is negative, or `bands` or `channels` are not valid.
     """
     if max_size < 0:
         raise SettingsError(f"max_size must be at least 0, not {max_size}")
+    chosen = band_numbers(bands)
     if isinstance(source, np.ndarray):
-        path, decoded = None, _checked(source, max_pixels)
-        pixels = _to_rgb8(decoded, max_size)
+        array = _checked(source, max_pixels, chosen, channels)
+        path, decoded = None, Decoded(array, array.shape[1], array.shape[0])
+        pixels = _to_rgb8(array, max_size)
         if np.may_share_memory(pixels, source):
             pixels = pixels.copy()  # The caller may reuse the array for the next frame.
     else:
         path = regular_file(source)
-        decoded = decode(path, max_pixels)
-        pixels = _to_rgb8(decoded, max_size)
-    height, width = decoded.shape[:2]
+        decoded = decode(path, max_pixels, max_size=max_size, bands=chosen)
+        pixels = _to_rgb8(decoded.pixels, max_size)
     used = _used(decoded, mask, pixels.shape[1::-1])
     if used is not None:
         pixels, used = filled(pixels, used), without_border(used)
         if not used.any():
-            raise ImageError("the mask, or the transparency of the image, leaves no pixel to use")
+            raise ImageError(
+                "the mask, or the transparency or missing data of the image, leaves no pixel to use"
+            )
     pixels.flags.writeable = False  # Features that are kept refer to them.
-    return Image(pixels, width, height, path, used)
+    return Image(pixels, decoded.width, decoded.height, path, used)
 
 
-def _used(
-    decoded: NDArray[Any], source: MaskSource | None, size: tuple[int, ...]
-) -> PixelMask | None:
-    """Return the mask of a working image from its transparency and a mask; None: all is used."""
-    height, width = decoded.shape[:2]
-    used = np.ones((height, width), np.bool_)
-    if decoded.ndim == 3 and decoded.shape[2] == 4:
-        used &= decoded[..., 3] > np.iinfo(decoded.dtype).max // 2
+def band_numbers(bands: Bands) -> tuple[int, ...]:
+    """Return the numbers of one or three bands, or none.
+
+    Raises:
+        SettingsError: it is something else.
+    """
+    try:
+        split = [each for each in bands.split(",") if each] if isinstance(bands, str) else bands
+        numbers = tuple(int(each) for each in split)
+    except (TypeError, ValueError):
+        numbers = (0,)
+    if len(numbers) not in (0, 1, 3) or min(numbers, default=1) < 1:
+        raise SettingsError(f"bands must be three numbers from 1, as 4,3,2, or one, not {bands!r}")
+    return numbers
+
+
+def _used(decoded: Decoded, source: MaskSource | None, size: tuple[int, ...]) -> PixelMask | None:
+    """Return the mask of a working image from all that hides its pixels; None: all is used."""
+    working = size[0], size[1]
+    parts = []
+    pixels = decoded.pixels
+    if pixels.ndim == 3 and pixels.shape[2] == 4:
+        parts.append(pixels[..., 3] > np.iinfo(pixels.dtype).max // 2)
+    if decoded.mask is not None:
+        parts.append(decoded.mask)
     if source is not None:
-        used &= read_mask(source, (width, height))
-    return None if used.all() else reduced(used, (size[0], size[1]))
+        parts.append(read_mask(source, (decoded.width, decoded.height)))
+    shapes = {part.shape for part in parts}
+    if len(shapes) <= 1:
+        parts = [np.logical_and.reduce(parts)] if parts else []
+    used = np.ones(working[::-1], np.bool_)
+    for part in parts:
+        if not part.all():
+            used &= reduced(part, working)
+    return None if used.all() else used
 
 
-def _checked(array: NDArray[Any], max_pixels: int) -> NDArray[Any]:
+def _checked(
+    array: NDArray[Any], max_pixels: int, bands: tuple[int, ...], channels: Channels
+) -> NDArray[Any]:
+    """Return the channels of an array that are used, in the order RGB.
+
+    Raises:
+        ImageError: the array is no image, or lacks a band.
+        SettingsError: the order of the channels is unknown.
+    """
+    if channels not in get_args(Channels):
+        raise SettingsError(f"channels must be one of rgb, bgr, not {channels!r}")
+    if bands and array.ndim in (2, 3):
+        array = select_bands(array, bands, "the image array")
+    elif channels == "bgr" and array.ndim == 3 and array.shape[2] in (3, 4):
+        array = array[..., [2, 1, 0, 3][: array.shape[2]]]
     grey = array.ndim == 2
     if not grey and not (array.ndim == 3 and array.shape[2] in (3, 4)):
         raise ImageError(
             f"an image array must have the shape (height, width), (height, width, 3) or "
-            f"(height, width, 4), not {array.shape}"
+            f"(height, width, 4), not {array.shape}: reshape it, or choose bands"
         )
     if array.size == 0:
         raise ImageError(f"the image array of shape {array.shape} has no pixels")

@@ -19,6 +19,9 @@ MaskSource = str | Path | NDArray[Any]
 PixelMask = NDArray[np.bool_]
 """(height, width) of an image; True where a pixel may be used."""
 
+TRANSPARENT_GREY = 128
+"""What shows through transparent pixels."""
+
 BORDER = 3
 """Pixels of the working image next to masked ones that are left out as well."""
 

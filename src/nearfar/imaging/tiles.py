@@ -56,3 +56,12 @@ class Core:
     top: float
     right: float
     bottom: float
+
+
+def reduced_size(width: int, height: int, max_size: int) -> tuple[int, int]:
+    """Return (width, height) reduced so that neither exceeds `max_size`; 0 reduces nothing."""
+    longest = max(width, height)
+    if max_size == 0 or longest <= max_size:
+        return width, height
+    factor = max_size / longest
+    return max(1, round(width * factor)), max(1, round(height * factor))

@@ -64,6 +64,7 @@ class _Task:
         name: name of the image in the map.
         known: the usable image of this name in the map; None where there is none.
         max_size: see `Manifest`.
+        bands: see `Manifest`.
         settings: `weights` and `max_pixels` are used.
         mask: file of its mask; None for none.
     """
@@ -72,6 +73,7 @@ class _Task:
     name: str
     known: MapImage | None
     max_size: int
+    bands: str
     settings: Settings
     mask: Path | None = None
 
@@ -149,7 +151,7 @@ def _changed(
     hashes: Mapping[int, str],
 ) -> list[_Task]:
     """Return the images to describe: new ones, and those whose file or mask has changed."""
-    tasks = []
+    made, tasks = store.manifest, []
     for name, file in named.items():
         old = known.get(name)
         usable = old if old is not None and old.usable else None
@@ -157,7 +159,7 @@ def _changed(
         if usable is not None and masks is not None:
             usable = usable if _same_mask(mask, hashes.get(usable.id)) else None
         if usable is None or not has_state(usable, state_of(file)):
-            tasks.append(_Task(file, name, usable, store.manifest.max_size, settings, mask))
+            tasks.append(_Task(file, name, usable, made.max_size, made.bands, settings, mask))
     return tasks
 
 
@@ -263,7 +265,7 @@ def _described(task: _Task, sha256: str) -> Indexed:
     Raises:
         ImageError: the image cannot be read.
     """
-    photograph = open_image(task.file, task.settings.max_pixels, task.mask)
+    photograph = open_image(task.file, task.settings.max_pixels, task.mask, task.bands)
     size = photograph.width, photograph.height
     mask = None if task.mask is None else stored_mask(task.mask, size)
     describer = _describer(task.settings)

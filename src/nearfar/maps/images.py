@@ -18,14 +18,14 @@ from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
-from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
 from nearfar.errors import ImageError, MapError
-from nearfar.imaging.decoding import FORMATS
-from nearfar.imaging.image import Image, read_image
+from nearfar.imaging.decoding import image_suffixes
+from nearfar.imaging.image import Bands, Image, band_numbers, read_image
 from nearfar.imaging.mask import MaskSource, PixelMask, reduced
-from nearfar.imaging.raster import Raster, open_raster, tiff_header
+from nearfar.imaging.raster import Raster, open_raster
+from nearfar.imaging.tiff import tiff_header
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.render import save
 from nearfar.storage.locations import FileState, Location, Url, location
@@ -77,7 +77,7 @@ class Photograph:
 
 
 def open_image(
-    file: Location, max_pixels: int, mask: MaskSource | None = None
+    file: Location, max_pixels: int, mask: MaskSource | None = None, bands: Bands = ()
 ) -> Photograph | Raster:
     """Open the image in a file.
 
@@ -85,6 +85,7 @@ def open_image(
         file: the image; a file in object storage is first copied as a whole.
         max_pixels: largest number of pixels to hold in memory; a larger TIFF is read by tiles.
         mask: file or array of the image's size, 0 where it must not be used.
+        bands: see `read_image`.
 
     Raises:
         ImageError: the file or the mask cannot be read, the mask has another size or leaves
@@ -97,15 +98,15 @@ def open_image(
     if isinstance(file, Url):
         copy = copied(file)
         try:
-            return open_image(copy, max_pixels, mask)
+            return open_image(copy, max_pixels, mask, bands)
         except ImageError as error:
             raise ImageError(str(error).replace(str(copy), str(file))) from None
     header = tiff_header(file)
     if header is not None:
         header.check_upright(file)
         if header.by_tiles(max_pixels):
-            return open_raster(file, mask)
-    return Photograph(read_image(file, max_pixels=max_pixels, mask=mask))
+            return open_raster(file, mask, band_numbers(bands))
+    return Photograph(read_image(file, max_pixels=max_pixels, mask=mask, bands=bands))
 
 
 def copied(file: Location) -> Path:
@@ -190,8 +191,7 @@ class NamedImages:
 
     @staticmethod
     def _in_folder(folder: Location) -> list[Location]:
-        known = PillowImage.registered_extensions()
-        suffixes = {suffix for suffix, kind in known.items() if kind in FORMATS}
+        suffixes = image_suffixes()
         below: Iterable[Location] = folder.below() if isinstance(folder, Url) else _below(folder)
         inside = sorted((each for each in below if each.suffix.lower() in suffixes), key=str)
         if not inside:
@@ -269,8 +269,14 @@ def is_irregular(file: Location) -> bool:
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    """Return all but the folders in a folder and in folders below; also links that lead nowhere."""
-    return (each for each in folder.rglob("*") if not each.is_dir())
+    """Return all but the folders in a folder and in folders below; also links that lead nowhere.
+
+    Files and folders whose names begin with a dot are left out, as `ls` and patterns do.
+    """
+    for each in folder.rglob("*"):
+        hidden = any(part.startswith(".") for part in each.relative_to(folder).parts)
+        if not hidden and not each.is_dir():
+            yield each
 
 
 def levels(width: int, height: int, max_size: int = 0) -> list[list[tuple[Tile, Core]]]:

@@ -77,8 +77,10 @@ class MapLocator:
         self._store = store
         self._settings = settings
         self._describer = LandmarkDescriber(settings)
-        self._localizer = Localizer(settings, cache_bytes=CACHED_BYTES, same_place=True)
-        self._closer = Localizer(_closer(settings), cache_bytes=CACHED_BYTES, same_place=True)
+        self._localizer, self._closer = (
+            Localizer(each, cache_bytes=CACHED_BYTES, same_place=True, mirror_hints=False)
+            for each in (settings, _closer(settings))
+        )
         self._images = {image.id: image for image in store.images() if image.usable}
         self._poses = PoseStore(store.folder)
         self._masks = MaskStore(store.folder)
@@ -94,7 +96,13 @@ class MapLocator:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
         with timer.stage("reading"):
-            image = read_image(source, max_pixels=self._settings.max_pixels, mask=mask)
+            image = read_image(
+                source,
+                max_pixels=self._settings.max_pixels,
+                mask=mask,
+                bands=self._settings.bands,
+                channels=self._settings.channels,
+            )
             fitted = None if camera is None else camera.of_size(image.width, image.height, "query")
             view = view_of(image, fitted)
             query, camera = view.image, view.pinhole
@@ -228,7 +236,8 @@ class MapLocator:
             )
         known = self._masks.get(image.id)
         given = None if known is None else known.pixels()
-        opened = open_image(file, self._settings.max_pixels, given)
+        bands = self._store.manifest.bands
+        opened = open_image(file, self._settings.max_pixels, given, bands)
         pixels, mask = opened.read(candidate.tile), opened.mask(candidate.tile)
         stored = self._store.keypoints(image.id, candidate.tile)
         if stored is not None:

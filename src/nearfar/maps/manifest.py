@@ -30,6 +30,8 @@ class Manifest:
         descriptor: name of the landmark descriptor.
         model: SHA-256 of the network of the descriptor.
         max_size: longest side to which images were reduced, in pixels; 0: not reduced.
+        bands: bands of the images that are shown as red, green and blue; empty: those that each
+            file names.
     """
 
     format: int
@@ -37,6 +39,7 @@ class Manifest:
     descriptor: str
     model: str
     max_size: int
+    bands: str = ""
 
     def write(self, folder: Location) -> None:
         """Write the manifest into the folder of a map, or replace the one there as a whole.
@@ -86,7 +89,7 @@ def manifest_for(settings: Settings, max_size: int) -> Manifest:
         WeightsError: the settings name a file that cannot be read.
     """
     version = importlib.metadata.version("nearfar")
-    return Manifest(FORMAT, version, DESCRIPTOR, model_hash(settings), max_size)
+    return Manifest(FORMAT, version, DESCRIPTOR, model_hash(settings), max_size, settings.bands)
 
 
 def model_hash(settings: Settings) -> str:
@@ -125,6 +128,7 @@ def read_any_manifest(folder: Location) -> Manifest:
     """
     try:
         content = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        content = {"bands": "", **content}  # Maps of version 0.1.0 have none.
         known = {each.name: content[each.name] for each in dataclasses.fields(Manifest)}
         return Manifest(**{**known, "format": int(content["format"])})
     except (FileNotFoundError, NotADirectoryError):

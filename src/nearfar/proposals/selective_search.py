@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Boxes, RGBPixels
-from nearfar.imaging.image import reduced_size
+from nearfar.imaging.tiles import reduced_size
 from nearfar.proposals import PROPOSERS, canonical, keep_object_like, scaled_boxes
 from nearfar.settings import Settings
 

@@ -15,7 +15,7 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.cli import main
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import translation
-from nearfar.imaging.raster import tiff_header
+from nearfar.imaging.tiff import tiff_header
 from nearfar.maps.images import open_image
 from nearfar.maps.world.places import GeoPlace, geo_place
 from tests.imaging.test_raster import write_tiff

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from nearfar.arrays import Boxes, Coordinates, Matrix3, RGBPixels
 from nearfar.bench.datasets.cases import Case
 from nearfar.geometry.homography import outline, transform, translation
-from nearfar.imaging.image import Image, reduced_size
+from nearfar.imaging.image import Image
 from nearfar.imaging.overlap import bounding_edges, box_area
+from nearfar.imaging.tiles import reduced_size
 from nearfar.proposals import Proposer, canonical
 
 LEVELS = (1.0, 0.5, 0.25)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from nearfar.arrays import Matrix3
 from nearfar.geometry.homography import transform, translation
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.raster import opened, tiff_header
+from nearfar.imaging.raster import opened
+from nearfar.imaging.tiff import tiff_header
 from nearfar.localization import mapped_points
 from nearfar.undistortion import outline_in_far
 

@@ -105,7 +105,9 @@ class Checks:
         """Return the places of a pair that agree most with the near image, best first."""
         with pair.timer.stage("verification"):
             chosen = places(pair)
-            compared = [self._compared(pair, each.far_from_near, NO_POINTS) for each in chosen]
+            compared = [
+                self._compared(pair, ByHomography(each.far_from_near), NO_POINTS) for each in chosen
+            ]
         found = tuple(
             Candidate(each.far_from_near, other.share, each.source)
             for each, other in zip(chosen, compared, strict=True)

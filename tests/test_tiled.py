@@ -1,0 +1,55 @@
+"""A close-up of a panorama is found in a window of it."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from nearfar import Localizer
+from nearfar.arrays import RGBPixels
+from nearfar.errors import SettingsError
+from nearfar.geometry.homography import transform
+from nearfar.settings import Settings
+from nearfar.tiled import localize_in_tiles
+
+SETTINGS = Settings(max_size=400, max_effort="points")
+
+
+@pytest.fixture(scope="module")
+def panorama(photograph: Callable[[str], RGBPixels]) -> RGBPixels:
+    """Photographs side by side, (300, 4800, 3)."""
+    names = ("astronaut", "coffee", "chelsea", "rocket") * 3
+    return np.hstack([cv2.resize(photograph(name), (400, 300)) for name in names])
+
+
+def test_a_close_up_is_found_in_a_panorama(panorama: RGBPixels) -> None:
+    turned = panorama.copy()
+    turned[:, 2400:] = turned[::-1, 2400:]  # Each photograph is there once as it is.
+    turned[:, :800] = 128
+    near = cv2.resize(panorama[20:280, 1220:1480], (520, 520), interpolation=cv2.INTER_CUBIC)
+    whole = Localizer(SETTINGS).localize(turned, near)
+    assert not whole.localized
+    assert "4800x300 to 400x25 pixels: search windows of it (--far-tiles)" in str(whole.reason)
+    found = localize_in_tiles(whole, turned, near, SETTINGS)
+    assert found.localized
+    corners = np.array([[-0.5, -0.5], [519.5, 519.5]])
+    truth = [[1219.5, 19.5], [1479.5, 279.5]]
+    np.testing.assert_allclose(transform(np.asarray(found.far_from_near), corners), truth, atol=1)
+    assert (found.far.width, found.far.height) == (4800, 300)
+    assert found.footprint is not None
+    np.testing.assert_allclose(found.footprint[0], truth[0], atol=1)
+    inliers = found.points.inliers
+    reprojected = transform(np.asarray(found.far_from_near), found.points.near[inliers])
+    assert np.median(np.abs(reprojected - found.points.far[inliers])) < 1
+
+
+def test_what_is_in_no_window_has_failed(panorama: RGBPixels) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (200, 200, 3), np.uint8)
+    whole = Localizer(SETTINGS).localize(panorama[:, :1300], noise)
+    found = localize_in_tiles(whole, panorama[:, :1300], noise, SETTINGS)
+    assert not found.localized
+    assert "nor is it in a window" in str(found.reason)
+    fundamental = Localizer(SETTINGS).localize(panorama[:, :1300], noise, model="fundamental")
+    with pytest.raises(SettingsError, match="--far-tiles"):
+        localize_in_tiles(fundamental, panorama, noise, SETTINGS)
