@@ -144,16 +144,15 @@ def _corners(outline: Coordinates | None) -> str:
 def _text(found: Localization, saved: list[Path], top: int) -> str:
     inliers = int(found.points.inliers.sum())
     agreement = f"{inliers} of {len(found.points)} point matches agree on a "
+    turned = "; the near image is mirrored" if found.mirrored else ""
     lines = [
-        f"localized: {agreement}{MODEL_NAMES[found.model]}"
+        f"localized: {agreement}{MODEL_NAMES[found.model]}{turned}"
         if found.localized
         else f"failed: {found.reason}"
     ]
     if found.confidence is not None:
         decided = f", decided by {found.step}" if found.localized else ""
         lines.append(f"confidence: {found.confidence:.2f}{decided}")
-    if found.mirrored:
-        lines.append("mirrored: the near image was found with left and right exchanged")
     if found.excluded is not None:
         lines.append(f"left out: {found.excluded.matches} matches on an overlay of both pictures")
     if found.alternatives:
