@@ -120,7 +120,8 @@ class Copy:
         """Return the tests that run the changed line, the quickest first.
 
         A line that is run only while modules are imported, such as a constant, is seen by all
-        tests that run anything in its file. Where none is known, the tests of its room are run.
+        tests that run anything in its file.
+        All tests of the room follow: contexts miss some tests that hypothesis runs.
         """
         contexts = self._contexts(mutant.file, mutant.line) or self._contexts(mutant.file, None)
         known = sorted(contexts & self.seconds.keys(), key=lambda each: self.seconds[each])
@@ -128,7 +129,7 @@ class Copy:
             f"{name.rpartition('.')[0].replace('.', '/')}.py::{name.rpartition('.')[2]}"
             for name in known
         ]
-        return tests or [f"tests/{mutant.file.parts[2]}"]
+        return [*tests, f"tests/{mutant.file.parts[2]}"]
 
     def _contexts(self, file: Path, line: int | None) -> set[str]:
         from coverage.numbits import numbits_to_nums
