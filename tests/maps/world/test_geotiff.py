@@ -142,7 +142,7 @@ def test_from_a_geotiff_to_geojson(
     assert isinstance(found.world, GeoPlace)
     assert_at_the_place(found.world, METRES)
     saved = found.to_dict()["world"]
-    assert set(saved) == {"crs", "footprint", "centre", "longitude_latitude"}
+    assert set(saved) == {"crs", "footprint", "centre", "longitude_latitude", "error"}
     assert found.to_dict()["answers"][0]["world"] == saved
 
     collection = json.loads(out.read_text())
