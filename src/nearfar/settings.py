@@ -109,7 +109,8 @@ class Settings:
         batch_size: Number of landmarks that pass through a network together.
         detector: Method points: what finds and describes the keypoints of an image. Matchers of
             images, such as aliked-lightglue, find points of their own.
-        matcher: Method points: what matches two images.
+        matcher: Methods points and adaptive: what matches two images. The method adaptive always
+            begins with SIFT, and uses another matcher where SIFT is not enough.
         device: Where learned matchers run. auto takes a GPU where there is one.
         estimator: Methods points, paper, objects, sift, sift-ratio and external ones: what fits the
             model to point matches.

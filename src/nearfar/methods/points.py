@@ -23,8 +23,6 @@ TUNED = {
 """Detector and matcher of the methods that take MAGSAC++, or PoseLib for poses."""
 LEARNED = ("aliked-lightglue", "disk-lightglue", "xfeat-lighterglue", "xfeat")
 """Matchers of images that are methods of the same name, with the estimator of the tuned ones."""
-LEARNED_THRESHOLD = 3.0
-"""Largest error of an inlier of these, in pixels: their points are less exact than SIFT's."""
 
 
 def tuned_estimator(settings: Settings) -> Estimator:
@@ -106,5 +104,5 @@ class Learned(PointMethod):
     def __init__(self, name: str, settings: Settings) -> None:
         matcher = MATCHERS.create(name, settings)
         assert isinstance(matcher, ImageMatcher)  # noqa: S101
-        looser = settings.replace(inlier_threshold=LEARNED_THRESHOLD)
+        looser = settings.replace(inlier_threshold=settings.constants.learned.threshold)
         super().__init__(matcher, ESTIMATORS.create("magsac", looser))

@@ -82,7 +82,7 @@ class _Learned:
         import torch
 
         most = self._constants.most_points
-        network = detector(self._network, self._device, most)
+        network = detector(self._network, self._device, most, self._constants.least_score)
         with torch.inference_mode():
             image = torch.from_numpy(pixels.copy()).permute(2, 0, 1)[None].float() / 255
             image = image.to(device_of(self._device))

@@ -44,13 +44,14 @@ def device_of(name: str) -> Any:
 
 
 @functools.cache
-def detector(name: str, device: str, most_points: int) -> Any:
+def detector(name: str, device: str, most_points: int, least_score: float) -> Any:
     """Return the network that finds and describes points.
 
     Args:
         name: "aliked", "disk" or "xfeat".
         device: see `device_of`.
         most_points: largest number of points in an image; DISK and XFeat take it with each image.
+        least_score: score of a point; ALIKED alone uses it.
 
     Raises:
         SettingsError: the device is not available here.
@@ -59,7 +60,7 @@ def detector(name: str, device: str, most_points: int) -> Any:
     from kornia.feature import ALIKED, DISK, XFeat
 
     if name == "aliked":
-        network = ALIKED("aliked-n16", max_num_keypoints=most_points, detection_threshold=0.2)
+        network = ALIKED("aliked-n16", most_points, detection_threshold=least_score)
         return _loaded(network, state(name), device)
     if name == "disk":
         return _loaded(DISK(), state(name)["extractor"], device)

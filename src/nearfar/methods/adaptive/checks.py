@@ -72,6 +72,15 @@ class Checks:
             reach = self._constants.agreement.reach * max(pair.near.size)
             return self._compared(pair, ByMatches(far, near, reach), near)
 
+    def compared(self, pair: Pair, found: Attempt) -> Agreement | None:
+        """Return the agreement under the homography of an attempt, whatever the task is."""
+        model = found.estimate.far_from_near
+        if model is None or not np.isfinite(found.log10_nfa):
+            return None
+        with pair.timer.stage("verification"):
+            near = found.near[found.estimate.inliers]
+            return self._compared(pair, ByHomography(np.asarray(model)), near)
+
     def _compared(self, pair: Pair, place: Placement, inliers: Coordinates) -> Agreement | None:
         far, near = pair.far.image, pair.near.image
         limits = self._constants.agreement

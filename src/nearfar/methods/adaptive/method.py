@@ -25,6 +25,7 @@ from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair, matched_landmarks, notify
 from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
+from nearfar.methods.adaptive.second import STEP, SecondHypothesis, SecondMatcher
 from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, view_keypoints
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
@@ -58,6 +59,11 @@ class Adaptive:
         self._estimator = tuned_estimator(settings)
         self._local = ESTIMATORS.create(
             "magsac", settings.replace(inlier_threshold=epipolar.local_threshold)
+        )
+        self._second = (
+            None
+            if settings.matcher == "sift"
+            else SecondMatcher(settings, self._estimator, self._checks)
         )
         threshold = self._constants.points.inlier_threshold
         self._ordered = ESTIMATORS.create("prosac", settings.replace(inlier_threshold=threshold))
@@ -155,6 +161,9 @@ class Adaptive:
     def _try(self, pair: Pair, hypothesis: Hypothesis) -> Attempt:
         """Match under a hypothesis, and again under the model found if that is promising."""
         zoom, promising = self._constants.zoom, self._constants.ladder.promising
+        if self._second is not None and isinstance(hypothesis, SecondHypothesis):
+            guided = self._match(pair, hypothesis, zoom.reach)
+            return self._second.attempt(pair, hypothesis, guided)
         found = self._attempt(pair, [self._match(pair, hypothesis, zoom.reach)], hypothesis.source)
         if found.log10_nfa >= promising or not self._zooms(hypothesis.source):
             return found
@@ -169,7 +178,7 @@ class Adaptive:
     def _refined(self, pair: Pair, best: Attempt) -> Attempt:
         """Refine a model of few matches, or one found by zooming, by narrower guided matching."""
         ladder = self._constants.ladder
-        sure = best.step == "points" and best.log10_nfa < ladder.sure
+        sure = best.step == STEP or (best.step == "points" and best.log10_nfa < ladder.sure)
         if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):
             return best
         for reach in self._constants.zoom.refinements:
@@ -193,6 +202,10 @@ class Adaptive:
                 break
             for hypothesis in batch:
                 matched = self._match(pair, hypothesis, reach)
+                if self._second is not None and isinstance(hypothesis, SecondHypothesis):
+                    found = self._second.attempt(pair, hypothesis, matched)
+                    best = min(best, found, key=lambda each: each.log10_nfa)
+                    continue
                 with pair.timer.stage("estimation"):
                     local = attempt(
                         [matched],
@@ -252,6 +265,8 @@ class Adaptive:
             sought = self._search(pair, self._pyramid(far), turned)
         yield sought[: ladder.from_search]
         yield voted[ladder.votes_before_search :]
+        if self._second is not None:
+            yield from self._second.hypotheses(pair, voted, sought)
         with timer.stage("landmark search"):
             larger = upsampled(self._pyramid(far), far.image, self._descriptor, constants.search)
             smallest = self._search(pair, larger, turned)

@@ -92,8 +92,12 @@ class Region:
     @functools.cached_property
     def far_points(self) -> Keypoints:
         """Return the keypoints of the far image in the frame."""
-        seen = warped(self.far.pixels, self.frame_from_far, self.size)
-        return self._keypoints(seen, self.frame_from_far, self.far)
+        return self._keypoints(self.far_seen, self.frame_from_far, self.far)
+
+    @functools.cached_property
+    def far_seen(self) -> RGBPixels:
+        """Return the far image in the frame."""
+        return warped(self.far.pixels, self.frame_from_far, self.size)
 
     @functools.cached_property
     def near_seen(self) -> RGBPixels:
