@@ -51,6 +51,24 @@ def test_what_cannot_be_exported_is_one_line(
     assert len(said.splitlines()) == 1
 
 
+def test_a_format_that_fails_does_not_stop_the_others(
+    known_files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    far, near = map(str, known_files)
+    out = tmp_path / "result"
+    (out / "localization.yaml").mkdir(parents=True)
+    formats = ["--export", "kitti", "--export", "opencv-yaml", "--export", "csv"]
+    status = main(["localize", far, near, "--method", "sift", "--save", str(out), *formats])
+    said = capsys.readouterr()
+    assert status == 2
+    assert said.out.startswith("localized: ")
+    assert (out / "matches.csv").is_file()
+    kitti, yaml = said.err.splitlines()
+    assert "not exported as kitti: the localization is a homography" in kitti
+    assert "not exported as opencv-yaml: " in yaml
+    assert str(out) in yaml
+
+
 def test_a_failure_stays_an_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     blank = tmp_path / "blank.png"
     PillowImage.fromarray(np.zeros((60, 80, 3), np.uint8)).save(blank)

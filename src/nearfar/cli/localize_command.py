@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from nearfar.arrays import Coordinates
 from nearfar.cli.options import (
+    BAD_INPUT,
     FAILED,
     CameraOption,
     Flag,
@@ -15,8 +16,8 @@ from nearfar.cli.options import (
     WeightOptions,
     with_weights,
 )
-from nearfar.errors import ExportError, SettingsError
-from nearfar.exports import Exporter, Subject, exporter
+from nearfar.errors import SettingsError
+from nearfar.exports import Exported, Subject, export_all, exporter
 from nearfar.geometry.camera_files import IntrinsicsSource
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.localization import Localization
@@ -52,7 +53,8 @@ def localize_command(
 ) -> int:
     """Find where the image NEAR lies in the image FAR.
 
-    Exit status: 0 localized, 3 no localization found, 2 bad input or usage.
+    Exit status: 0 localized, 3 no localization found, 2 bad input or usage, or localized but not
+    exported in every format.
 
     Args:
         far: Image that shows more of the scene, smaller.
@@ -88,12 +90,17 @@ def localize_command(
     )
     if far_tiles and not found.localized:
         found = localize_in_tiles(found, far, near, localizer.settings, far_mask, near_mask)
-    saved = []
+    saved, exported = [], Exported((), {})
     if save is not None:
-        pictures = save_localization(found, save, top=top)
-        saved = [*pictures, *_export(found, exporters, save)]
+        saved = save_localization(found, save, top=top)
+        exported = export_all(Subject(found), exporters, save)
+    saved += exported.files
     sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
-    return 0 if found.localized else FAILED
+    for name, reason in exported.failed.items():
+        sys.stderr.write(f"nearfar: not exported as {name}: {reason}\n")
+    if not found.localized:
+        return FAILED
+    return BAD_INPUT if exported.failed else 0
 
 
 def _cameras(both: str | None, far: str | None, near: str | None) -> IntrinsicsSource | None:
@@ -105,19 +112,6 @@ def _cameras(both: str | None, far: str | None, near: str | None) -> IntrinsicsS
             "--intrinsics is the camera of both images: give it, or --far-camera and --near-camera"
         )
     return {"far": far, "near": near}
-
-
-def _export(found: Localization, exporters: list[Exporter], folder: Path) -> list[Path]:
-    """Write what the exporters can, where nothing was found, and else everything."""
-    written = []
-    for each in exporters:
-        try:
-            written += each.write(Subject(found), folder / each.file_name)
-        except ExportError as error:
-            if found.localized:
-                raise
-            sys.stderr.write(f"nearfar: not exported as {each.name}: {error}\n")
-    return written
 
 
 def _places(found: Localization, top: int) -> list[str]:

@@ -3,9 +3,10 @@
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from nearfar.errors import SettingsError
+from nearfar.errors import NearfarError, SettingsError
 from nearfar.exports.subject import Subject
 from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
 from nearfar.imaging.image import ImageSource
@@ -13,7 +14,7 @@ from nearfar.localization import Localization, read_images
 from nearfar.registry import EXTERNAL, Registry
 from nearfar.settings import Settings
 
-__all__ = ["EXPORTERS", "Exporter", "Subject", "export", "exporter"]
+__all__ = ["EXPORTERS", "Exported", "Exporter", "Subject", "export", "export_all", "exporter"]
 
 
 class Exporter(ABC):
@@ -77,6 +78,39 @@ def exporter(name: str) -> Exporter:
     if name.startswith(EXTERNAL):
         return EXPORTERS.create(name, Settings())
     return registered_exporter(name)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What several exporters have written.
+
+    Attributes:
+        files: the files written.
+        failed: why a format was not written, by the name of the format.
+    """
+
+    files: tuple[Path, ...]
+    failed: dict[str, str]
+
+
+def export_all(subject: Subject, exporters: Sequence[Exporter], folder: Path) -> Exported:
+    """Write a localization in several formats; a format that fails does not stop the others.
+
+    Args:
+        subject: the localization.
+        exporters: the formats.
+        folder: folder to write into, which must exist.
+    """
+    files: list[Path] = []
+    failed: dict[str, str] = {}
+    for each in exporters:
+        try:
+            files += each.write(subject, folder / each.file_name)
+        except NearfarError as error:
+            failed[each.name] = str(error)
+        except OSError as error:
+            failed[each.name] = f"{error.filename or each.file_name}: {error.strerror or error}"
+    return Exported(tuple(files), failed)
 
 
 def export(
