@@ -324,6 +324,11 @@ class OverlayConstants:
     radius: int = 12
     """Pixels around common lines and around matches at the same place that belong to the overlay;
     a semi-transparent mark has no common pixels."""
+    least_agreement_in_depth: float = 0.3
+    """The same for the homography of most matches where the model is another: in a scene with
+    depth it holds for one surface alone..."""
+    significance_in_depth: float = -60.0
+    """...and the significance that such a model needs; the strongest of those 64 fits has -21."""
 
 
 @dataclass(frozen=True, kw_only=True)

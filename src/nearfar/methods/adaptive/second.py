@@ -122,8 +122,11 @@ class SecondMatcher:
             surface = min(surface, whole, key=lambda each: each.log10_nfa)
         found = surface if flat else self._fitted(pair, sets, pair.task, self._estimator)
         notify(pair.timer, found)
+        limits = self._learned
+        least = limits.least_agreement if flat else limits.least_agreement_in_depth
         agrees = self._checks.compared(pair, surface)
-        if agrees is None or agrees.share < self._learned.least_agreement:
+        weak = not flat and found.log10_nfa > limits.significance_in_depth
+        if weak or agrees is None or agrees.share < least:
             return replace(found, log10_nfa=np.inf)
         return found
 
