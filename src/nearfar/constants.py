@@ -324,11 +324,6 @@ class OverlayConstants:
     radius: int = 12
     """Pixels around common lines and around matches at the same place that belong to the overlay;
     a semi-transparent mark has no common pixels."""
-    least_agreement_in_depth: float = 0.3
-    """The same for the homography of most matches where the model is another: in a scene with
-    depth it holds for one surface alone..."""
-    significance_in_depth: float = -60.0
-    """...and the significance that such a model needs; the strongest of those 64 fits has -21."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -408,6 +403,11 @@ class LearnedConstants:
     """Share of cells that agree with a homography of the second matcher below which its model
     counts as none. SIFT's limit is 0.3. Of 64 fits to XFeat's matches of 32 unrelated pairs, 11
     had a significance below -2 and 4 below -20; their agreement was at most 0.43."""
+    least_agreement_in_depth: float = 0.3
+    """The same for the homography of most matches where the model is another: in a scene with
+    depth it holds for one surface alone..."""
+    significance_in_depth: float = -60.0
+    """...and the significance that such a model needs; the strongest of those 64 fits has -21."""
 
 
 @dataclass(frozen=True, kw_only=True)
