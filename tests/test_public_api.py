@@ -27,6 +27,7 @@ PUBLIC = [
     "WeightsError",
     "export",
     "localize",
+    "localize_pairs",
     "open_map",
     "read_image",
     "read_images",

@@ -23,6 +23,7 @@ from nearfar.localizer import Localizer, localize
 from nearfar.settings import Settings
 
 if TYPE_CHECKING:
+    from nearfar.batch.run import localize_pairs
     from nearfar.exports import export
     from nearfar.maps import open_map
     from nearfar.maps.answers import MapAnswer, MapLocalization
@@ -56,6 +57,7 @@ __all__ = [
     "WeightsError",
     "export",
     "localize",
+    "localize_pairs",
     "open_map",
     "read_image",
     "read_images",
@@ -65,6 +67,7 @@ __all__ = [
 
 _LATER = {
     "export": "nearfar.exports",
+    "localize_pairs": "nearfar.batch.run",
     "open_map": "nearfar.maps",
     "MapAnswer": "nearfar.maps.answers",
     "MapLocalization": "nearfar.maps.answers",

@@ -148,7 +148,7 @@ def test_images_that_cannot_be_read(known_files: Files, tmp_path: Path) -> None:
     assert_bad_input(nearfar("localize", far, tmp_path / "missing.png"), "missing.png", "not exist")
     assert_bad_input(program("localize", far, truncated), "cut.png")
     assert_bad_input(nearfar("localize", foreign, near), "text.jpg")
-    assert_bad_input(nearfar("localize", far, tmp_path), "folder")
+    assert_bad_input(nearfar("localize", tmp_path, near), "folder")
     assert_bad_input(nearfar("localize", far, near, "--max-pixels", 1000), "--max-pixels")
 
 

@@ -95,6 +95,8 @@ def _write_photographs(
         write(folder / "PHOTOS" / f"{name}.jpg", load(name))
     (folder / "results").mkdir()
     (folder / "pairs.txt").write_text("near.jpg far.jpg\n")
+    write(folder / "closeups" / "1.jpg", pair.near)
+    (folder / "pairs.csv").write_text("far,near\noverview.jpg,closeups/1.jpg\n")
 
 
 def _write_rasters(folder: Path, pair: KnownPair, views: Mapping[str, RGBPixels]) -> None:

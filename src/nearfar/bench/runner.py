@@ -1,6 +1,5 @@
 """The one runner of all benchmarks: compute the rows that a result file lacks, in parallel."""
 
-import errno
 import functools
 import itertools
 import json
@@ -12,9 +11,10 @@ from typing import TypeVar
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.evaluate import evaluate, failure_columns
 from nearfar.bench.results import Result
-from nearfar.errors import BenchmarkError, NearfarError
+from nearfar.errors import BenchmarkError
 from nearfar.localizer import Localizer
 from nearfar.runtime import logs
+from nearfar.runtime.failures import DIED, reason_of_error
 from nearfar.runtime.logs import shown_progress
 from nearfar.runtime.timing import Meter
 from nearfar.runtime.workers import Workers
@@ -180,12 +180,8 @@ def _rows(compute: Callable[[T], Row], tasks: Sequence[T]) -> list[Row]:
 def _columns(compute: Callable[[T], Row], task: T) -> Row:
     try:
         return compute(task)
-    except NearfarError as error:
-        return _failure(task, str(error))
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise
-        return _failure(task, f"{type(error).__name__}: {error}")
+    except Exception as error:  # Libraries and plug-ins raise many kinds of errors.
+        return _failure(task, reason_of_error(error))
 
 
 def _failure(task: Task, reason: str) -> Row:
@@ -194,7 +190,7 @@ def _failure(task: Task, reason: str) -> Row:
 
 def _died(tasks: Sequence[Task]) -> list[Row]:
     """Return the rows of tasks that killed their worker."""
-    return [task.start | _failure(task, "the process that computed it died") for task in tasks]
+    return [task.start | _failure(task, DIED) for task in tasks]
 
 
 @dataclass(frozen=True, eq=False)

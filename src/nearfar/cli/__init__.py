@@ -4,8 +4,9 @@ import io
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnknownOptionError
 
 from nearfar import __version__
 from nearfar.cli.about_command import about_command, list_command
@@ -15,6 +16,7 @@ from nearfar.cli.demo_command import demo_command
 from nearfar.cli.localize_command import localize_command
 from nearfar.cli.map_command import map_app
 from nearfar.cli.options import BAD_INPUT
+from nearfar.cli.standard_input import with_names
 from nearfar.cli.train_command import train_app
 from nearfar.cli.weights_command import weights_app
 from nearfar.errors import NearfarError
@@ -40,10 +42,14 @@ app.register_install_completion_command()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 2 bad input, 3 not found."""
     tokens = sys.argv[1:] if arguments is None else list(arguments)
+    if tokens[:1] == ["localize"]:
+        tokens = with_names(tokens)
     _show_any_name()
     try:
         status = app(tokens, result_action="return_value", exit_on_error=False, print_error=False)
         sys.stdout.flush()
+    except UnknownOptionError as error:
+        return _complain(f"{error} {_file_hint(tokens)}")
     except (CycloptsError, NearfarError) as error:
         return _complain(str(error))
     except OSError as error:
@@ -52,6 +58,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     return status if isinstance(status, int) else 0
+
+
+def _file_hint(tokens: Sequence[str]) -> str:
+    """Return how to name a file whose name begins like an option, where there is one."""
+    for each in tokens:
+        if each.startswith("-") and Path(each).exists():
+            return f"If it is the file, write ./{each}."
+    return ""
 
 
 def _show_any_name() -> None:

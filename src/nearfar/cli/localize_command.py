@@ -1,24 +1,33 @@
 """`nearfar localize`."""
 
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from nearfar.arrays import Coordinates
+from nearfar.batch.pairs import Pair, pairs_with, read_pairs
+from nearfar.batch.run import BatchWork
+from nearfar.cli.localize_batch import localize_batch
 from nearfar.cli.options import (
     BAD_INPUT,
+    DEFAULT_WORK,
     FAILED,
     CameraOption,
     Flag,
+    Place,
     SettingsOptions,
     WeightOptions,
+    WorkOptions,
     with_weights,
 )
+from nearfar.cli.standard_input import STANDARD_INPUT, files_of, shown
 from nearfar.errors import SettingsError
 from nearfar.exports import Exported, Subject, export_all, exporter
-from nearfar.geometry.camera_files import IntrinsicsSource
+from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
@@ -30,11 +39,53 @@ from nearfar.undistortion import outline_in_far
 from nearfar.verification.expected_error import ExpectedError
 
 
+@Parameter(name="*", group="Many pairs")
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions:
+    """Options for many pairs."""
+
+    pairs: Path | None = None
+    """List of pairs, FAR and NEAR on each line, separated by commas, tabs or spaces. Paths are
+    relative to the list. A first line may name the columns far and near."""
+
+    near_first: Flag = False
+    """The list names the near image first, as the lists of hloc do."""
+
+    out: Place | None = None
+    """File for the answers, one JSON object a line; its name ends in .jsonl. Pairs that have a line
+    in it are not localized again, so that a batch that was stopped goes on."""
+
+    def asked(self, near: Sequence[Path]) -> bool:
+        """Return whether many pairs are asked for, or lines in a file."""
+        many = len(near) > 1 or any(each.is_dir() for each in near)
+        return many or self.pairs is not None or self.out is not None
+
+    def read(self, far: Path | None, near: Sequence[Path]) -> list[Pair]:
+        """Return the pairs.
+
+        Raises:
+            MapError: a folder holds no images.
+            SettingsError: the list cannot be read, or there are images beside it.
+        """
+        if self.pairs is not None:
+            if far is not None:
+                raise SettingsError("--pairs names both images: leave out FAR and NEAR")
+            return read_pairs(self.pairs, near_first=self.near_first)
+        if far is None or not near:
+            raise SettingsError(GIVE_IMAGES)
+        if STANDARD_INPUT in (far, *near):
+            raise SettingsError("the standard input is for one pair: name the files of many pairs")
+        return pairs_with(far, near)
+
+
+ONE_PAIR = BatchOptions()
+GIVE_IMAGES = "give the images FAR and NEAR, or a list of pairs (--pairs LIST)"
+
+
 def localize_command(
-    far: Path,
-    near: Path,
+    far: Path | None = None,
     /,
-    *,
+    *near: Path,
     model: ModelKind | None = None,
     intrinsics: CameraOption = None,
     far_camera: CameraOption = None,
@@ -49,16 +100,21 @@ def localize_command(
         tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
     ] = (),
     weights: WeightOptions = (),
+    batch: BatchOptions = ONE_PAIR,
+    work: WorkOptions = DEFAULT_WORK,
     settings: SettingsOptions = Settings(),  # noqa: B008
 ) -> int:
-    """Find where the image NEAR lies in the image FAR.
+    """Find where the image NEAR lies in the image FAR; or many of them.
+
+    With several NEAR, a folder, --pairs or --out, it prints a JSON object a line. An image that
+    cannot be read has a line with the reason, and the others go on. - is the standard input.
 
     Exit status: 0 localized, 3 no localization found, 2 bad input or usage, or localized but not
-    exported in every format.
+    exported in every format. For many pairs: 0 all localized, 3 some not found, 2 some not read.
 
     Args:
         far: Image that shows more of the scene, smaller.
-        near: Image that shows the scene larger.
+        near: Image that shows the scene larger; several, or a folder of images.
         model: What to estimate; by default a pose where both cameras are known, else a homography.
         intrinsics: The camera that took both images. It is a file of COLMAP, OpenCV, ROS, Kalibr or
             KITTI, or a model of COLMAP such as OPENCV:fx,fy,cx,cy,k1,k2,p1,p2. FILE#NAME chooses
@@ -71,7 +127,8 @@ def localize_command(
         far_tiles: If nothing is found, search windows of FAR as well. This is for panoramas, which
             the working size reduces too much. Only homographies are found.
         as_json: Print one JSON object instead of text.
-        save: Folder for localization.json and pictures.
+        save: Folder for localization.json and pictures. For many pairs, folder for contact sheets,
+            and for the exports of each pair.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
             that nothing confirms where it failed. The JSON has all.
         export: Write a file for another tool into the folder of --save: colmap, csv, geojson, hloc,
@@ -80,20 +137,30 @@ def localize_command(
     """
     if top < 1:
         raise SettingsError(f"--top must be at least 1, not {top}")
-    exporters = [exporter(name) for name in dict.fromkeys(export)]
+    formats = tuple(dict.fromkeys(export))
+    exporters = [exporter(name) for name in formats]
     if exporters and save is None:
         raise SettingsError("--export needs a folder to write to: --save DIR")
-    localizer = Localizer(with_weights(settings, weights))
+    chosen = with_weights(settings, weights)
     cameras = _cameras(intrinsics, far_camera, near_camera)
-    found = localizer.localize(
-        far, near, model=model, intrinsics=cameras, far_mask=far_mask, near_mask=near_mask
-    )
-    if far_tiles and not found.localized:
-        found = localize_in_tiles(found, far, near, localizer.settings, far_mask, near_mask)
+    if batch.asked(near):
+        _check_options(batch, far_mask, near_mask, top)
+        known = None if cameras is None else read_intrinsics(cameras)
+        how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save)
+        return localize_batch(batch.read(far, near), how, work, batch.out, save)
+    if far is None or not near:
+        raise SettingsError(GIVE_IMAGES)
     saved, exported = [], Exported((), {})
-    if save is not None:
-        saved = save_localization(found, save, top=top)
-        exported = export_all(Subject(found), exporters, save)
+    with files_of(far, near[0]) as files:
+        found = Localizer(chosen).localize(
+            *files, model=model, intrinsics=cameras, far_mask=far_mask, near_mask=near_mask
+        )
+        if far_tiles and not found.localized:
+            found = localize_in_tiles(found, *files, chosen, far_mask, near_mask)
+        subject, found = _subject(found, far, near[0]), shown(found, far, near[0])
+        if save is not None:
+            saved = save_localization(found, save, images=files, top=top)
+            exported = export_all(subject, exporters, save)
     saved += exported.files
     sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
     for name, reason in exported.failed.items():
@@ -101,6 +168,27 @@ def localize_command(
     if not found.localized:
         return FAILED
     return BAD_INPUT if exported.failed else 0
+
+
+def _subject(found: Localization, far: Path, near: Path) -> Subject:
+    """Return what is exported; images are named where one comes from the standard input."""
+    if STANDARD_INPUT not in (far, near):
+        return Subject(found)
+    return Subject(found, far=far.name, near=near.name)
+
+
+def _check_options(
+    batch: BatchOptions, far_mask: Path | None, near_mask: Path | None, top: int
+) -> None:
+    """Refuse options of one pair where there are many.
+
+    Raises:
+        SettingsError: there is such an option.
+    """
+    if near_mask is not None or top != 1:
+        raise SettingsError("--near-mask and --top are for one pair: leave them out for many")
+    if far_mask is not None and batch.pairs is not None:
+        raise SettingsError("--far-mask is for one FAR: leave it out with --pairs")
 
 
 def _cameras(both: str | None, far: str | None, near: str | None) -> IntrinsicsSource | None:

@@ -1,0 +1,1 @@
+"""Many pairs of images at once: lists, resumable results, contact sheets."""

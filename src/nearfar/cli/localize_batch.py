@@ -1,0 +1,82 @@
+"""`nearfar localize` with many pairs: lines of JSON, a summary, and contact sheets."""
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from nearfar.batch.answers import PairAnswer
+from nearfar.batch.pairs import Pair
+from nearfar.batch.run import BatchWork, run
+from nearfar.batch.sheet import contact_sheets
+from nearfar.cli.options import BAD_INPUT, FAILED, WorkOptions
+from nearfar.runtime.logs import shown_progress
+from nearfar.storage.locations import Location
+
+
+def localize_batch(
+    pairs: Sequence[Pair],
+    batch: BatchWork,
+    work: WorkOptions,
+    out: Location | None,
+    save: Path | None,
+) -> int:
+    """Localize many pairs, print a line for each, and return the exit status.
+
+    The summary goes to the error output where the lines go to the output.
+
+    Args:
+        pairs: the pairs, each once.
+        batch: how each pair is localized.
+        work: the processes that do the work.
+        out: result file; None prints the lines.
+        save: folder for contact sheets; None for none.
+    """
+    workers = work.begin()
+    answers: list[PairAnswer] = []
+    with shown_progress("pairs") as show:
+        for answer in run(pairs, batch, out, workers, show):
+            if out is None:
+                sys.stdout.write(json.dumps(answer.to_dict(batch.key()), allow_nan=False) + "\n")
+                sys.stdout.flush()
+            _complain(answer)
+            answers.append(answer.without_matches())
+    lines = summary(answers)
+    if save is not None:
+        with shown_progress("pictures") as show:
+            files = contact_sheets(answers, save, batch.settings, workers, show)
+        lines += [f"saved {file}" for file in files]
+    stream = sys.stderr if out is None else sys.stdout
+    stream.write("".join(f"{line}\n" for line in lines))
+    if any(answer.localization is None or answer.not_exported for answer in answers):
+        return BAD_INPUT
+    return 0 if all(answer.status == "localized" for answer in answers) else FAILED
+
+
+def summary(answers: Sequence[PairAnswer]) -> list[str]:
+    """Return lines that count the answers, the failures by kind, and the errors by kind."""
+    counts = Counter(answer.status for answer in answers)
+    lines = [
+        f"{len(answers):,} pairs: {counts['localized']:,} localized, {counts['failed']:,} not "
+        f"found, {counts['error']:,} errors"
+    ]
+    found = [answer.localization for answer in answers]
+    failures = [each.failure or "unknown" for each in found if each and not each.localized]
+    errors = [answer.error for answer in answers if answer.error is not None]
+    for title, kinds in (("not found", failures), ("errors", errors)):
+        if kinds:
+            lines.append(f"{title}: {_counted(kinds)}")
+    return lines
+
+
+def _counted(kinds: Iterable[str]) -> str:
+    return ", ".join(f"{kind} {count:,}" for kind, count in Counter(kinds).most_common())
+
+
+def _complain(answer: PairAnswer) -> None:
+    """Print a line for what went wrong with a pair."""
+    if answer.localization is None:
+        sys.stderr.write(f"nearfar: {answer.reason}\n")
+    for name, reason in answer.not_exported.items():
+        sys.stderr.write(f"nearfar: {answer.pair.near} not exported as {name}: {reason}\n")
