@@ -294,16 +294,27 @@ def read_images(
     """
     infos = localization.far, localization.near
     sources = (None, None) if images is None else images
-    far, near = (_read_again(*each) for each in zip(infos, sources, strict=True))
+    far, near = (read_again(*each) for each in zip(infos, sources, strict=True))
     return ImagePair(far, near)
 
 
-def _read_again(info: ImageInfo, source: ImageSource | None) -> Image:
+def read_again(info: ImageInfo, source: ImageSource | None = None, *, full: bool = False) -> Image:
+    """Read one image of a localization again.
+
+    Args:
+        info: its path and sizes.
+        source: the image as it was given to `localize`; None to read it from its path.
+        full: whether to read it in its original size, not in its working size.
+
+    Raises:
+        ImageError: it was given as an array, or is missing or of another size now.
+    """
     if source is None:
         source = info.path
     if source is None:
         raise ImageError("an image that was localized as an array is needed again: give images=")
-    image = read_image(source, max_size=max(info.working_size), max_pixels=info.width * info.height)
+    max_size = 0 if full else max(info.working_size)
+    image = read_image(source, max_size=max_size, max_pixels=info.width * info.height)
     if (image.width, image.height) != (info.width, info.height):
         raise ImageError(
             f"{info.path or 'the array'} has {image.width}x{image.height} pixels, but "

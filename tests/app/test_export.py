@@ -31,6 +31,8 @@ from tests.app.test_api import ended
 from tests.conftest import KnownPair
 
 Files = tuple[Path, Path]
+GEO = {"gdal-gcps", "geopackage", "geotiff", "kml", "kmz", "odm", "qgis-points", "world-file"}
+"""Formats that need a georeferenced far image."""
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +84,8 @@ def test_every_format_is_offered_but_poses(answer: Answer) -> None:
     formats = answer.formats()
     assert list(formats) == EXPORTERS.names()
     refused = {name for name, each in formats.items() if each["reason"]}
-    assert refused == {"kitti", "tum"}
+    assert refused == {"kitti", "tum", *GEO}
+    assert "not georeferenced" in formats["geotiff"]["reason"]
     assert "is a homography" in formats["tum"]["reason"]
     for name in refused:
         assert answer.export(name).status == 409

@@ -1,8 +1,10 @@
 """What every export format must do: write files that can be parsed, or refuse by a typed error."""
 
 import csv
+import importlib.util
 import json
 import sqlite3
+import zipfile
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -44,11 +46,17 @@ class Corners(Exporter):
 """
 CAMERA = CameraIntrinsics(600, 600, 320, 240)
 CAMERAS = Intrinsics(CAMERA, CAMERA)
+GEO = {"gdal-gcps", "geopackage", "geotiff", "kml", "kmz", "odm", "qgis-points", "world-file"}
+"""Formats that need a georeferenced far image."""
 NAMES = [*EXPORTERS.names(), "python:outside_exporter.Corners"]
 
 
 @pytest.fixture
 def found(known_files: tuple[Path, Path]) -> Localization:
+    if importlib.util.find_spec("rasterio"):
+        far = known_files[0]
+        far.with_suffix(".pgw").write_text("0.5\n0\n0\n-0.5\n500000\n5000000\n")
+        far.with_suffix(".prj").write_text("EPSG:32633\n")
     return localize(*known_files, method="sift")
 
 
@@ -80,7 +88,7 @@ def format_(
         pytest.skip(str(error))
 
 
-def parse(file: Path) -> object:
+def parse(file: Path) -> object:  # noqa: C901
     """What a file holds, read by a parser of its kind; raises where it is malformed."""
     match file.suffix:
         case ".json" | ".geojson":
@@ -95,6 +103,15 @@ def parse(file: Path) -> object:
                 return database.execute("SELECT name FROM images").fetchall()
         case ".svg":
             return list(ET.parse(file).getroot())  # noqa: S314
+        case ".tif" | ".vrt":
+            rasterio = pytest.importorskip("rasterio")
+            with rasterio.open(file) as dataset:
+                return dataset.read().any()
+        case ".gpkg":
+            pyogrio = pytest.importorskip("pyogrio")
+            return pyogrio.read_info(file)["features"]
+        case ".kmz":
+            return zipfile.ZipFile(file).namelist()
         case ".png":
             with PillowImage.open(file) as picture:
                 return np.asarray(picture).any()
@@ -142,7 +159,7 @@ def test_it_writes_some_model_and_refuses_the_others(
 def test_a_failure_is_written_or_refused(
     format_: Exporter, failed: Localization, tmp_path: Path
 ) -> None:
-    outlines_and_poses = {"geojson", "kitti", "tum", "png", "svg", NAMES[-1]}
+    outlines_and_poses = {"geojson", "kitti", "tum", "png", "svg", NAMES[-1], *GEO}
     assert writes(format_, Subject(failed), tmp_path / "out") == (
         format_.name not in outlines_and_poses
     )
@@ -153,7 +170,7 @@ def test_images_without_files_are_written_or_refused(
 ) -> None:
     far, near = (read_image(read_image(file).pixels).info for file in known_files)
     subject = Subject(replace(found, far=far, near=near), CAMERAS)
-    needs_files = {"kitti", "tum", "png", "svg", "colmap", "hloc"}
+    needs_files = {"kitti", "tum", "png", "svg", "colmap", "hloc", *GEO}
     assert writes(format_, subject, tmp_path / "out", NearfarError) == (
         format_.name not in needs_files
     )

@@ -138,7 +138,7 @@ def test_an_outline_needs_a_homography(posed: Posed, failed: Localization, tmp_p
 
 
 def test_unknown_formats_are_named(found: Localization, tmp_path: Path) -> None:
-    with pytest.raises(nearfar.SettingsError, match="'colnap'; there are colmap, csv, geojson"):
+    with pytest.raises(nearfar.SettingsError, match="'colnap'; there are colmap, csv, gdal-gcps"):
         nearfar.export(found, "colnap", tmp_path / "x")
 
 

@@ -144,7 +144,9 @@ def _write(file: Path, content: dict[str, Any]) -> None:
     write_whole(file, json.dumps(content, allow_nan=False).encode())
 
 
-WITHOUT_MATCHES = frozenset({"geojson", "kitti", "tum"})
+WITHOUT_MATCHES = frozenset(
+    {"geojson", "geopackage", "geotiff", "kitti", "kml", "kmz", "tum", "world-file"}
+)
 """Formats that have no place for matched points."""
 
 
@@ -156,15 +158,18 @@ def exported(task: ExportAnswer) -> list[Outcome]:
     """
     points = NO_POINTS if task.matches is None else read_matches(task.matches)
     found = Localization.from_dict(task.localization, points)
-    images = ImagePair(_image(found.far, task), _image(found.near, task))
+    names = task.formats or EXPORTERS.names()
+    full = any(getattr(EXPORTERS.factory(name), "full_resolution", False) for name in names)
+    near = _image(found.near, task, 0 if full else Settings().max_size)
+    images = ImagePair(_image(found.far, task, Settings().max_size), near)
     subject = Subject(found, None, task.far, task.near, images)
-    return [_written(name, subject, task) for name in task.formats or EXPORTERS.names()]
+    return [_written(name, subject, task) for name in names]
 
 
-def _image(image: ImageInfo, task: ExportAnswer) -> Image:
+def _image(image: ImageInfo, task: ExportAnswer, max_size: int) -> Image:
     if task.images == "blank" or image.path is None:
         return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
-    return read_image(image.path, max_size=Settings().max_size, max_pixels=task.max_pixels)
+    return read_image(image.path, max_size=max_size, max_pixels=task.max_pixels)
 
 
 def _written(name: str, subject: Subject, task: ExportAnswer) -> Outcome:

@@ -25,8 +25,10 @@ from nearfar.cli.options import (
     with_weights,
 )
 from nearfar.cli.standard_input import STANDARD_INPUT, files_of, shown
-from nearfar.errors import SettingsError
+from nearfar.cli.world_text import corners_text, place_text
+from nearfar.errors import ImageError, MissingExtraError, SettingsError
 from nearfar.exports import Exported, Subject, export_all, exporter
+from nearfar.exports.ground import place_of
 from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.localization import Localization
@@ -99,6 +101,7 @@ def localize_command(
     export: Annotated[
         tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
     ] = (),
+    dem: Path | None = None,
     weights: WeightOptions = (),
     batch: BatchOptions = ONE_PAIR,
     work: WorkOptions = DEFAULT_WORK,
@@ -131,8 +134,11 @@ def localize_command(
             and for the exports of each pair.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
             that nothing confirms where it failed. The JSON has all.
-        export: Write a file for another tool into the folder of --save: colmap, csv, geojson, hloc,
-            kitti, opencv-yaml, png, svg or tum; may be repeated.
+        export: Write a file for another tool into the folder of --save; may be repeated. Matches
+            and poses: colmap, csv, hloc, kitti, opencv-yaml, tum. Figures: png, svg. Layers of a
+            GIS: geojson, geopackage, geotiff, kml, kmz, world-file. Ground control points:
+            gdal-gcps, odm, qgis-points.
+        dem: Raster of heights in metres, for the heights of --export odm.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     if top < 1:
@@ -144,6 +150,8 @@ def localize_command(
     chosen = with_weights(settings, weights)
     cameras = _cameras(intrinsics, far_camera, near_camera)
     if batch.asked(near):
+        if dem is not None:
+            raise SettingsError("--dem is for one pair: leave it out for many")
         _check_options(batch, far_mask, near_mask, top)
         known = None if cameras is None else read_intrinsics(cameras)
         how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save)
@@ -157,7 +165,7 @@ def localize_command(
         )
         if far_tiles and not found.localized:
             found = localize_in_tiles(found, *files, chosen, far_mask, near_mask)
-        subject, found = _subject(found, far, near[0]), shown(found, far, near[0])
+        subject, found = _subject(found, far, near[0], dem), shown(found, far, near[0])
         if save is not None:
             saved = save_localization(found, save, images=files, top=top)
             exported = export_all(subject, exporters, save)
@@ -170,11 +178,11 @@ def localize_command(
     return BAD_INPUT if exported.failed else 0
 
 
-def _subject(found: Localization, far: Path, near: Path) -> Subject:
+def _subject(found: Localization, far: Path, near: Path, dem: Path | None) -> Subject:
     """Return what is exported; images are named where one comes from the standard input."""
     if STANDARD_INPUT not in (far, near):
-        return Subject(found)
-    return Subject(found, far=far.name, near=near.name)
+        return Subject(found, dem=dem)
+    return Subject(found, far=far.name, near=near.name, dem=dem)
 
 
 def _check_options(
@@ -245,6 +253,7 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:
         lines.append(f"outline of the near image in the far image: {_corners(found.footprint)}")
+    lines += _on_earth(found)
     if found.expected_error is not None:
         lines.append(_expected(found.expected_error))
     model = found.to_dict()["far_from_near"]
@@ -256,6 +265,18 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
     lines.append(f"{total:.2f} s ({stages})")
     lines += [f"saved {path}" for path in saved]
     return "\n".join(lines)
+
+
+def _on_earth(found: Localization) -> list[str]:
+    """Return lines with world coordinates; none where the far image is not georeferenced."""
+    try:
+        place = place_of(found)
+    except (ImageError, MissingExtraError) as error:
+        return [f"no place on the Earth: {error}"]
+    if place is None:
+        return []
+    centre, outline = place_text(place), corners_text(place)
+    return [f"centre on the Earth: {centre}", f"outline on the Earth: {outline}"]
 
 
 def _expected(error: ExpectedError) -> str:

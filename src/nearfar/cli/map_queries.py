@@ -10,6 +10,7 @@ from typing import Any
 
 from nearfar.arrays import Coordinates
 from nearfar.cli.options import SearchOptions
+from nearfar.cli.world_text import place_text
 from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.kinds import is_video_name
@@ -17,11 +18,8 @@ from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.frames import VideoFrames
 from nearfar.maps.map import Map
-from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.maps.world.places import QueryPose
 from nearfar.storage.locations import Location, local_copy, staged
-
-LONGEST_CRS = 20
-"""Longest name of a coordinate system to print, in characters; WKT can fill pages."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,7 @@ def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
             count = len(answer.alternatives)
             lines.append(f"  {count} other places in it fit nearly as well (--top)")
         if answer.world is not None:
-            lines.append(f"  centre: {_geo_text(answer.world)}")
+            lines.append(f"  centre: {place_text(answer.world)}")
     if found.pose is not None:
         lines.append(f"  {_pose_text(found.pose)}")
     elif posing:
@@ -165,16 +163,6 @@ def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
 def _corners(footprint: Coordinates) -> str:
     corners = footprint[:: len(footprint) // 4]
     return "  ".join(f"({x:.1f}, {y:.1f})" for x, y in corners)
-
-
-def _geo_text(place: GeoPlace) -> str:
-    x, y = place.outline.centre
-    crs = place.crs if len(place.crs) <= LONGEST_CRS else "the raster's system"
-    projected = f"({x:.2f}, {y:.2f}) in {crs}"
-    if place.longitude_latitude is None:
-        return projected
-    longitude, latitude = place.longitude_latitude.centre
-    return f"longitude {longitude:.7f}, latitude {latitude:.7f}; {projected}"
 
 
 def _pose_text(pose: QueryPose) -> str:

@@ -9,12 +9,21 @@ from pathlib import Path
 from nearfar.errors import NearfarError, SettingsError
 from nearfar.exports.subject import Subject
 from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
-from nearfar.imaging.image import ImageSource
-from nearfar.localization import Localization, read_images
+from nearfar.imaging.image import ImagePair, ImageSource
+from nearfar.localization import Localization, read_again, read_images
 from nearfar.registry import EXTERNAL, Registry
 from nearfar.settings import Settings
 
-__all__ = ["EXPORTERS", "Exported", "Exporter", "Subject", "export", "export_all", "exporter"]
+__all__ = [
+    "EXPORTERS",
+    "CollectionExporter",
+    "Exported",
+    "Exporter",
+    "Subject",
+    "export",
+    "export_all",
+    "exporter",
+]
 
 
 class Exporter(ABC):
@@ -29,9 +38,11 @@ class Exporter(ABC):
 
     Attributes:
         file_name: name of the file or folder, beside other results of a localization.
+        full_resolution: whether it draws the near image in its original size.
     """
 
     file_name: str
+    full_resolution: bool = False
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self.name = name
@@ -48,6 +59,31 @@ class Exporter(ABC):
             ImageError: the far image's file does not allow it.
             OSError: a file cannot be written.
         """
+
+
+class CollectionExporter(Exporter):
+    """Writes many localizations into one file."""
+
+    @abstractmethod
+    def write_all(self, subjects: Sequence[Subject], path: Path) -> list[Path]:
+        """Write localizations into one file; what is there is replaced.
+
+        Args:
+            subjects: one localization or more.
+            path: file to write.
+
+        Returns:
+            The files written.
+
+        Raises:
+            ExportError: the format has no place for such a localization.
+            ImageError: a far image's file does not allow it.
+            OSError: a file cannot be written.
+        """
+
+    def write(self, subject: Subject, path: Path) -> list[Path]:
+        """See `Exporter.write`."""
+        return self.write_all([subject], path)
 
 
 EXPORTERS: Registry[Exporter] = Registry("export format", "nearfar.exports")
@@ -122,13 +158,15 @@ def export(
     near: str | None = None,
     intrinsics: IntrinsicsSource | None = None,
     images: Sequence[ImageSource] | None = None,
+    dem: str | os.PathLike[str] | None = None,
 ) -> list[Path]:
     """Write a localization in the format of another tool.
 
     Args:
         localization: the localization to write.
-        format: "colmap", "csv", "geojson", "hloc", "kitti", "opencv-yaml", "png", "svg" or "tum".
-        path: file to write, for "hloc" a folder; what is there is replaced.
+        format: "colmap", "csv", "gdal-gcps", "geojson", "geopackage", "geotiff", "hloc", "kitti",
+            "kml", "kmz", "odm", "opencv-yaml", "png", "qgis-points", "svg", "tum" or "world-file".
+        path: file to write, for "hloc", "kml" and "world-file" a folder; what is there is replaced.
         far: what the far image is called in formats that name images ("colmap", "geojson",
             "hloc"); by default its path, for "colmap" and "hloc" relative to the deepest folder
             that holds both images.
@@ -136,7 +174,9 @@ def export(
         intrinsics: of both cameras, as they were given to `localize`; "colmap" needs them for a
             pose, "opencv-yaml" notes them.
         images: the far and the near image as they were given to `localize`, for formats that draw
-            them ("png", "svg"); they are read from their files where None.
+            them ("png", "svg", and "geotiff", "kml", "kmz", "world-file", which warp the near
+            image in its original size); they are read from their files where None.
+        dem: raster of heights in metres, for "odm".
 
     Returns:
         The files written.
@@ -155,4 +195,7 @@ def export(
     writer = exporter(format)
     target.parent.mkdir(parents=True, exist_ok=True)
     pair = None if images is None else read_images(localization, images)
-    return writer.write(Subject(localization, known, far, near, pair), target)
+    if pair is not None and images is not None and writer.full_resolution:
+        pair = ImagePair(pair.far, read_again(localization.near, images[1], full=True))
+    heights = None if dem is None else Path(dem)
+    return writer.write(Subject(localization, known, far, near, pair, heights), target)

@@ -13,8 +13,8 @@ from nearfar.errors import ExportError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.imaging.decoding import FORMATS, quiet_pillow
-from nearfar.imaging.image import ImagePair
-from nearfar.localization import Localization, PointMatches, read_images
+from nearfar.imaging.image import Image, ImagePair
+from nearfar.localization import Localization, PointMatches, read_again, read_images
 from nearfar.storage.locations import is_text
 
 KeypointArray = NDArray[np.float32]
@@ -112,6 +112,7 @@ class Subject:
         far: name of the far image; None to take it from its path.
         near: name of the near image; None to take it from its path.
         images: both images, for formats that draw them; None to read them from their paths.
+        dem: raster of heights, for formats that hold heights; None where they are not known.
     """
 
     localization: Localization
@@ -119,6 +120,7 @@ class Subject:
     far: str | None = None
     near: str | None = None
     images: ImagePair | None = None
+    dem: Path | None = None
 
     @property
     def cameras(self) -> Intrinsics | None:
@@ -135,6 +137,17 @@ class Subject:
         return self.images or read_images(self.localization)
 
     @property
+    def full_near(self) -> Image:
+        """The near image in its original size; of `images` as large as it is there.
+
+        Raises:
+            ImageError: it has no path, or is not there any more.
+        """
+        if self.images is not None:
+            return self.images.near
+        return read_again(self.localization.near, full=True)
+
+    @property
     def names(self) -> ImageNames:
         """Names for tools that open the image files themselves and ignore their EXIF rotation.
 
@@ -145,7 +158,7 @@ class Subject:
         paths = [self.localization.far.path, self.localization.near.path]
         for path in paths:
             if path is not None:
-                _check_stored_upright(path)
+                check_stored_upright(path)
         if self.far is not None and self.near is not None:
             names = ImageNames(self.far, self.near)
         else:
@@ -191,10 +204,15 @@ def _relative(paths: list[Path | None]) -> list[str]:
     return [path.relative_to(folder).as_posix() for path in known]
 
 
-def _check_stored_upright(path: Path) -> None:
+def check_stored_upright(path: Path) -> None:
+    """Refuse an image that tools show otherwise than it is displayed here.
+
+    Raises:
+        ExportError: its EXIF orientation turns it.
+    """
     with quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
         if opened.getexif().get(_EXIF_ORIENTATION, 1) != 1:
             raise ExportError(
-                f"{path} is displayed turned, by its EXIF orientation, which COLMAP and hloc do "
+                f"{path} is displayed turned, by its EXIF orientation, which other tools do "
                 f"not see: save it upright and localize again"
             )

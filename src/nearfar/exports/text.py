@@ -4,20 +4,18 @@ import csv
 import json
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import poselib
 
-from nearfar.arrays import Coordinates
-from nearfar.errors import ExportError
 from nearfar.exports import EXPORTERS, Exporter, Subject
+from nearfar.exports.ground import outline_of, place_of
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import ImageInfo
-from nearfar.imaging.tiff import tiff_header
-from nearfar.localization import Localization
-from nearfar.maps.world.places import WorldCoordinates, geo_place, ring
+from nearfar.maps.world.places import GeoOutline, GeoPlace, ring
 from nearfar.storage.locations import as_text, replaced
 
 
@@ -101,12 +99,20 @@ def _doubles(array: object) -> np.ndarray:
     return np.ascontiguousarray(array, np.float64)
 
 
+IN_PIXELS = (
+    "The coordinates are pixels of the far image, not longitude and latitude: the far image is not "
+    "georeferenced."
+)
+"""Property `warning` of a feature in pixels."""
+
+
 @EXPORTERS.register("geojson")
 class GeoJsonExporter(Exporter):
     """A feature collection of one polygon.
 
     Its property `coordinates` says of what kind they are: "longitude latitude", WGS 84 in degrees,
-    where the far image is a GeoTIFF that has its place on the Earth, and else "far pixels".
+    where the far image is georeferenced, and else "far pixels", with a `warning` that says so.
+    `heading`, `resolution` and `error` are as in `nearfar.GeoPlace`.
     """
 
     file_name = "footprint.geojson"
@@ -115,13 +121,14 @@ class GeoJsonExporter(Exporter):
         """See `Exporter.write`.
 
         Raises:
-            ImageError: the far image is a GeoTIFF that is stored turned.
-            MissingExtraError: the far image is a GeoTIFF and the extra `geo` is not installed.
+            ImageError: the far image is georeferenced and stored turned.
+            MissingExtraError: it is georeferenced and the extra `geo` is not installed.
         """
         found = subject.localization
-        pixels = _outline(found)
-        on_earth = _on_earth(found)
-        corners = pixels if on_earth is None else on_earth
+        pixels = outline_of(found)
+        place = place_of(found)
+        on_earth = None if place is None else place.longitude_latitude
+        corners = pixels if on_earth is None else on_earth.footprint
         feature = {
             "type": "Feature",
             "geometry": {
@@ -134,6 +141,7 @@ class GeoJsonExporter(Exporter):
                 "near": _name(subject.near, found.near),
                 "confidence": found.confidence,
                 "scale_change": found.scale_change,
+                **_ground_properties(place, on_earth),
             },
         }
         collection = {"type": "FeatureCollection", "features": [feature]}
@@ -148,29 +156,10 @@ def _name(given: str | None, image: ImageInfo) -> str | None:
     return as_text(str(image.path) if given is None else given)
 
 
-def _outline(found: Localization) -> Coordinates:
-    if found.footprint is not None:
-        return found.footprint
-    if not found.localized:
-        why = f"failed ({found.reason})"
-    elif found.model == "homography":
-        why = "has a horizon that crosses the near image"
-    else:
-        why = f"is a {found.model}"
-    raise ExportError(f"the localization {why}: an outline needs a homography (--model homography)")
-
-
-def _on_earth(found: Localization) -> WorldCoordinates | None:
-    """Return (N, 2) longitudes and latitudes; None unless the far image is georeferenced."""
-    file = found.far.path
-    header = None if file is None else tiff_header(file)
-    if file is None or header is None or not header.georeferenced:
-        return None
-    size = found.near.width, found.near.height
-    expected = None if found.expected_error is None else found.expected_error.mean
-    place = geo_place(file, np.asarray(found.far_from_near), size, found.intrinsics, expected)
-    seen = None if place is None else place.longitude_latitude
-    return None if seen is None else seen.footprint
+def _ground_properties(place: GeoPlace | None, on_earth: GeoOutline | None) -> dict[str, Any]:
+    if place is None or on_earth is None:
+        return {"warning": IN_PIXELS}
+    return {"heading": place.heading, "resolution": place.resolution, "error": place.error}
 
 
 FAR_CAMERA = RelativePose(np.eye(3), np.zeros(3))

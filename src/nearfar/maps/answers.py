@@ -37,7 +37,8 @@ class MapAnswer:
         confidence: calibrated probability that the answer is correct.
         votes: sum of the weights of the query's landmarks that vote for it.
         points: matched points, in pixels of the original map image (far) and of the query (near).
-        world: position of the query on the Earth; None unless the map image is a GeoTIFF.
+        world: position of the query on the Earth; None unless the map image is
+            georeferenced.
         alternatives: other places of the map image that fit nearly as well, best first, in pixels
             of the query and of the original map image; the confidence is shared among all.
         localization: the query, without distortion, localized in a tile of the map image, in
@@ -244,16 +245,17 @@ class MapLocalization:
         return json.dumps(self.to_dict(), allow_nan=False)
 
     def features(self) -> list[dict[str, Any]]:
-        """Return a GeoJSON feature (RFC 7946) for each answer that lies in a GeoTIFF.
+        """Return a GeoJSON feature (RFC 7946) for each answer in a georeferenced map image.
 
         A feature is the footprint of the query in longitude and latitude; its properties are
-        `query`, `image`, `rank` (1 is the best answer for the query), `confidence`, `scale_change`
-        and `centre`, longitude and latitude.
+        `query`, `image`, `rank` (1 is the best answer for the query), `confidence`, `scale_change`,
+        `centre`, longitude and latitude, and `heading`, `resolution` and `error` as in `GeoPlace`.
         """
         found = []
         for rank, answer in enumerate(self.answers, 1):
-            seen = None if answer.world is None else answer.world.longitude_latitude
-            if seen is None:
+            place = answer.world
+            seen = None if place is None else place.longitude_latitude
+            if place is None or seen is None:
                 continue
             properties = {
                 "query": None if self.query is None else as_text(str(self.query)),
@@ -262,6 +264,9 @@ class MapLocalization:
                 "confidence": answer.confidence,
                 "scale_change": answer.scale_change,
                 "centre": seen.centre.round(DECIMALS).tolist(),
+                "heading": place.heading,
+                "resolution": place.resolution,
+                "error": place.error,
             }
             polygon = {"type": "Polygon", "coordinates": [ring(seen.footprint)]}
             found.append({"type": "Feature", "geometry": polygon, "properties": properties})

@@ -142,7 +142,10 @@ def test_from_a_geotiff_to_geojson(
     assert isinstance(found.world, GeoPlace)
     assert_at_the_place(found.world, METRES)
     saved = found.to_dict()["world"]
-    assert set(saved) == {"crs", "footprint", "centre", "longitude_latitude", "error"}
+    assert set(saved) == {
+        "crs", "footprint", "centre", "longitude_latitude", "error", "heading", "resolution",
+    }  # fmt: skip
+    assert saved["resolution"] == pytest.approx(METRES / 2, rel=0.02)
     assert found.to_dict()["answers"][0]["world"] == saved
 
     collection = json.loads(out.read_text())
@@ -151,6 +154,8 @@ def test_from_a_geotiff_to_geojson(
     assert feature["type"] == "Feature"
     assert feature["properties"]["query"] == str(query)
     assert feature["properties"]["image"].endswith("ortho.tif")
+    assert feature["properties"]["heading"] == pytest.approx(20, abs=1)
+    assert feature["properties"]["error"] == saved["error"] > 0
     assert feature["geometry"]["type"] == "Polygon"
     (ring,) = np.array(feature["geometry"]["coordinates"])
     np.testing.assert_array_equal(ring[0], ring[-1])
@@ -158,3 +163,92 @@ def test_from_a_geotiff_to_geojson(
     np.testing.assert_allclose(np.unique(ring[:-1], axis=0), np.unique(corners, axis=0), atol=1e-8)
     x, y = (ring - ring.mean(axis=0)).T
     assert (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() > 0
+
+
+def corner_of(place: GeoPlace | None) -> np.ndarray:
+    assert place is not None
+    return np.asarray(place.outline.footprint[0])
+
+
+@pytest.fixture
+def plain(ground: RGBPixels, tmp_path: Path) -> Path:
+    file = tmp_path / "plain.jpg"
+    PillowImage.fromarray(ground).save(file)
+    return file
+
+
+def world_file_text() -> str:
+    """Of the centre of the first pixel, as world files count."""
+    return f"{METRES}\n0\n0\n{-METRES}\n{LEFT + METRES / 2}\n{TOP - METRES / 2}\n"
+
+
+@pytest.mark.parametrize("name", ["plain.jgw", "plain.jpgw", "plain.wld", "plain.JGW"])
+def test_a_world_file_is_a_place(
+    name: str, plain: Path, georeferenced: Path, map_from_query: Matrix3
+) -> None:
+    expected = geo_place(georeferenced, map_from_query, SIZE)
+    plain.with_name(name).write_text(world_file_text())
+    found = geo_place(plain, map_from_query, SIZE, None, 2.0)
+    np.testing.assert_allclose(corner_of(found), corner_of(expected), atol=1e-6)
+    assert found is not None
+    assert (found.crs, found.longitude_latitude, found.error) == ("unknown", None, None)
+    plain.with_suffix(".prj").write_text(rasterio.crs.CRS.from_epsg(32633).to_wkt())
+    assert_at_the_place(geo_place(plain, map_from_query, SIZE), 0.01)
+    plain.with_suffix(".prj").write_text("nothing")
+    with pytest.raises(ImageError, match="names no coordinate system"):
+        geo_place(plain, map_from_query, SIZE)
+
+
+def test_an_aux_xml_file_is_a_place(plain: Path, map_from_query: Matrix3) -> None:
+    beside = plain.with_name("plain.jpg.aux.xml")
+    beside.write_text("<PAMDataset><Metadata><MDI key='a'>1</MDI></Metadata></PAMDataset>")
+    assert geo_place(plain, map_from_query, SIZE) is None
+    numbers = f"{LEFT}, {METRES}, 0, {TOP}, 0, {-METRES}"
+    transform_ = f"<GeoTransform>{numbers}</GeoTransform>"
+    beside.write_text(f"<PAMDataset><SRS>EPSG:32633</SRS>{transform_}</PAMDataset>")
+    assert_at_the_place(geo_place(plain, map_from_query, SIZE), 0.01)
+
+
+def write_points(file: Path, pixels: np.ndarray, ground: RGBPixels, noise: float = 0) -> Path:
+    """A TIFF with control points, and without a geotransform."""
+    rng = np.random.default_rng(1)
+    points = [
+        rasterio.control.GroundControlPoint(
+            row=row + 0.5,
+            col=column + 0.5,
+            x=LEFT + (column + 0.5 + rng.normal(0, noise)) * METRES,
+            y=TOP - (row + 0.5 + rng.normal(0, noise)) * METRES,
+        )
+        for column, row in pixels
+    ]
+    where = {"gcps": points, "crs": "EPSG:32633"}
+    return write_tiff(file, np.moveaxis(ground, -1, 0), crs=None, where=where)
+
+
+def test_control_points_are_a_place(
+    ground: RGBPixels, map_from_query: Matrix3, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(2)
+    pixels = rng.uniform(0, [1199, 999], (12, 2))
+    exact = write_points(tmp_path / "exact.tif", pixels, ground)
+    assert_at_the_place(geo_place(exact, map_from_query, SIZE), 0.01)
+    noisy = write_points(tmp_path / "noisy.tif", pixels, ground, noise=2.0)
+    found = geo_place(noisy, map_from_query, SIZE, None, 0.5)
+    assert_at_the_place(found, 2.0)
+    assert found is not None
+    assert found.error is not None
+    assert 0.8 * METRES < found.error < 4 * METRES  # Control points add their residuals.
+    line = write_points(tmp_path / "line.tif", pixels * [1, 0] + [0, 5], ground)
+    with pytest.raises(ImageError, match="lie on a line"):
+        geo_place(line, map_from_query, SIZE)
+
+
+def test_a_turned_photograph_with_a_world_file_is_refused(
+    plain: Path, ground: RGBPixels, map_from_query: Matrix3
+) -> None:
+    exif = PillowImage.Exif()
+    exif[0x0112] = 6
+    PillowImage.fromarray(ground).save(plain, exif=exif)
+    plain.with_suffix(".jgw").write_text(world_file_text())
+    with pytest.raises(ImageError, match="save it upright"):
+        geo_place(plain, map_from_query, SIZE)

@@ -1,4 +1,8 @@
-"""Where a query lies in the world: on the Earth by a GeoTIFF, or in the frame of a map source."""
+"""Where a query lies in the world: on the Earth by a map image, or in a model's frame.
+
+A map image that names its place by GeoTIFF tags, a world file, control points or `.aux.xml` is
+georeferenced.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,22 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
-from nearfar.geometry.homography import transform, translation
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.raster import opened
-from nearfar.imaging.tiff import tiff_header
+from nearfar.imaging.georeference import Georeference, georeference
 from nearfar.localization import mapped_points
 from nearfar.undistortion import outline_in_far
 
-WGS84 = "EPSG:4326"
 DECIMALS = 9
 """Decimals of a degree in GeoJSON: a tenth of a millimetre."""
+DEGREE_DECIMALS = 7
+"""Printed decimals of a degree: a centimetre."""
+METRE_DECIMALS = 2
+"""Printed decimals of a metre or foot."""
 METRES_PER_DEGREE = 111_195.0
 """Length of a degree of latitude on a sphere of the Earth's mean radius."""
 
 WorldCoordinates = NDArray[np.float64]
 """(..., 2) easting and northing, or longitude and latitude, in this order for every CRS; or
 (..., 3) in the frame of a map source."""
+
+STEP = 0.05
+"""Share of the query's shorter side by which heading and resolution are measured."""
 
 Source = Literal["model", "triangulation", "directions", "one image"]
 
@@ -48,21 +56,36 @@ class GeoOutline:
 
 @dataclass(frozen=True, eq=False)
 class GeoPlace:
-    """Position of a query on the Earth, by a GeoTIFF.
+    """Position of a query on the Earth, by a georeferenced map image.
 
     Attributes:
-        crs: coordinate reference system of the raster, "EPSG:..." or WKT.
+        crs: coordinate reference system of the raster, "EPSG:..." or WKT; "unknown" for a world
+            file that names none.
         outline: outline of the query in that system, in its units.
         longitude_latitude: outline in degrees of WGS 84; None where the system of the raster
             cannot be converted.
         error: how far places of the query are expected to be off in the mean, in metres, by the
-            matches alone: the raster's own place may be off as well. None where it is not known.
+            matches, and by the control points of a raster that has no geotransform: the raster's
+            own place may be off as well. None where it is not known.
+        heading: direction from the centre of the query to its upper edge, in degrees clockwise from
+            true north, from 0 to 360; None where longitude and latitude are not known.
+        resolution: side of a pixel of the query on the ground, in metres at its centre; None where
+            longitude and latitude are not known.
+        geographic: whether the unit of `outline` is the degree.
     """
 
     crs: str
     outline: GeoOutline
     longitude_latitude: GeoOutline | None
     error: float | None = None
+    heading: float | None = None
+    resolution: float | None = None
+    geographic: bool = False
+
+    def printed(self, place: WorldCoordinates) -> str:
+        """Return x and y of a place in `outline`, with centimetres or 7 decimals of a degree."""
+        decimals = DEGREE_DECIMALS if self.geographic else METRE_DECIMALS
+        return f"({place[0]:.{decimals}f}, {place[1]:.{decimals}f})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the position as JSON values."""
@@ -72,6 +95,8 @@ class GeoPlace:
             **self.outline.to_dict(),
             "longitude_latitude": None if on_earth is None else on_earth.to_dict(),
             "error": self.error,
+            "heading": self.heading,
+            "resolution": self.resolution,
         }
 
 
@@ -123,7 +148,7 @@ def geo_place(
     cameras: Intrinsics | None = None,
     expected: float | None = None,
 ) -> GeoPlace | None:
-    """Locate a query on the Earth by a homography to a GeoTIFF.
+    """Locate a query on the Earth by a homography to a georeferenced image.
 
     Args:
         file: file of the map image.
@@ -133,64 +158,52 @@ def geo_place(
         expected: expected error of the homography, in pixels of the map image.
 
     Returns:
-        The position; None where the file is not a georeferenced GeoTIFF, or the horizon crosses
-        the query.
+        The position; None where the file is not georeferenced, or the horizon crosses the query.
 
     Raises:
         ImageError: the file cannot be read, or an orientation tag turns it.
         MissingExtraError: the extra `geo` is not installed.
     """
-    header = tiff_header(file)
     known = cameras or Intrinsics(None, None)
     outline = outline_in_far(map_from_query, known, *size)
-    if header is None or not header.georeferenced or outline is None:
+    place = None if outline is None else georeference(file)
+    if outline is None or place is None:
         return None
-    header.check_upright(file)
-    middle = np.array([[(size[0] - 1) / 2, (size[1] - 1) / 2]])
-    seen = np.vstack([outline, mapped_points(map_from_query, known, middle)])
-    with opened(file) as dataset:
-        crs, affine = dataset.crs, dataset.transform
-        if crs is None or affine.is_identity:  # So rasterio reads a file without a place.
-            return None
-        world = np.asarray(transform(_world_from_pixel(affine), seen), np.float64)
-        on_earth = _longitude_latitude(world, crs)
-        metres = _metres_per_pixel(seen[4], _world_from_pixel(affine), crs)
-        error = None if expected is None or metres is None else expected * metres
-        return GeoPlace(
-            crs.to_string(),
-            _outline(world),
-            None if on_earth is None else _outline(on_earth),
-            error,
-        )
+    middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
+    step = min(size) * STEP
+    cross = middle + step * np.array([[0, 0], [0, -1], [1, 0]])
+    seen = mapped_points(map_from_query, known, cross)
+    world = place.world(np.vstack([outline, seen[:1]]))
+    on_earth = place.longitude_latitude(world)
+    metres = _metres_per_pixel(seen[0], place)
+    error = None
+    if expected is not None and metres is not None:
+        error = float(np.hypot(expected, place.residual)) * metres
+    arms = _in_metres(place.longitude_latitude(place.world(seen)))
+    return GeoPlace(
+        place.name,
+        _outline(world),
+        None if on_earth is None else _outline(on_earth),
+        error,
+        None if arms is None else float(np.degrees(np.arctan2(*arms[0])) % 360),
+        None if arms is None else float(np.sqrt((arms**2).sum() / 2)) / step,
+        place.geographic,
+    )
 
 
-def _metres_per_pixel(
-    pixel: WorldCoordinates, world_from_pixel: Matrix3, crs: object
-) -> float | None:
+def _metres_per_pixel(pixel: WorldCoordinates, place: Georeference) -> float | None:
     """Return the size of a pixel of a raster on the ground; None where it cannot be converted."""
-    around = transform(world_from_pixel, pixel + np.array([[0, 0], [1, 0], [0, 1.0]]))
-    degrees = _longitude_latitude(np.asarray(around, np.float64), crs)
+    around = place.world(pixel + np.array([[0, 0], [1, 0], [0, 1.0]]))
+    sides = _in_metres(place.longitude_latitude(around))
+    return None if sides is None else float(np.sqrt((sides**2).sum() / 2))
+
+
+def _in_metres(degrees: WorldCoordinates | None) -> WorldCoordinates | None:
+    """Return (N - 1, 2) metres to the east and north of the first of (N, 2) places."""
     if degrees is None:
         return None
     to_metres = METRES_PER_DEGREE * np.array([np.cos(np.radians(degrees[0, 1])), 1])
-    sides = (degrees[1:] - degrees[0]) * to_metres
-    return float(np.sqrt((sides**2).sum() / 2))
-
-
-def _world_from_pixel(affine: object) -> Matrix3:
-    """Return the transform for pixels whose centres are integers; GDAL's corners are integers."""
-    corner_based = np.array(affine, np.float64).reshape(3, 3)
-    return np.asarray(corner_based @ translation(0.5, 0.5))
-
-
-def _longitude_latitude(world: WorldCoordinates, crs: object) -> WorldCoordinates | None:
-    from rasterio.warp import transform as between_systems
-
-    try:
-        found = np.column_stack(between_systems(crs, WGS84, *world.T.tolist()))
-    except Exception:  # GDAL cannot convert; its exceptions are private to rasterio.
-        return None
-    return found if np.isfinite(found).all() else None
+    return np.asarray((degrees[1:] - degrees[0]) * to_metres)
 
 
 def _outline(corners_and_centre: WorldCoordinates) -> GeoOutline:
