@@ -391,3 +391,15 @@ def test_from_photographs_to_layers(
     grey = [cv2.cvtColor(each, cv2.COLOR_RGB2GRAY).astype(np.float64) for each in (small, part)]
     shift, _ = cv2.phaseCorrelate(*(each[inner] for each in grey))
     assert np.abs(shift).max() < 0.5
+
+
+def test_a_place_that_cannot_be_read_does_not_lose_the_answer(
+    known_files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from nearfar.cli import main
+
+    far, near = known_files
+    far.with_suffix(".pgw").write_text("0.5\n0\n0\n-0.5\n500000\n5000000\n")
+    far.with_suffix(".prj").write_text("nothing")
+    assert main(["localize", str(far), str(near), "--method", "sift"]) == 0
+    assert "no place on the Earth: " in capsys.readouterr().out
