@@ -145,3 +145,27 @@ def test_a_list_that_is_no_list_of_pairs(tmp_path: Path) -> None:
     pairs.write_text("only-one.png\n")
     with pytest.raises(ExportError, match="two names of images a line"):
         match_pairs(pairs, tmp_path, tmp_path / "f.h5", tmp_path / "m.h5")
+
+
+def test_a_damaged_image_does_not_lose_the_list(
+    known_files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    _, near = known_files
+    (tmp_path / "damaged.png").write_bytes(near.read_bytes()[:300])
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text("damaged.png far.png\nnear.png far.png\n")
+    files = tmp_path / "f.h5", tmp_path / "m.h5"
+    features, matches = match_pairs(pairs, tmp_path, *files, method="sift")
+    assert list_names(matches) == {"near.png/far.png"}
+    assert list_names(features) == {"near.png", "far.png"}
+    failed, kept = tmp_path / "m-failed.txt", tmp_path / "m-pairs.txt"
+    assert failed.read_text().startswith("damaged.png far.png ")
+    assert "damaged.png cannot be read" in failed.read_text()
+    assert kept.read_text() == "near.png far.png\n"
+    pairs.write_text("near.png far.png\n")
+    match_pairs(pairs, tmp_path, *files, method="sift")
+    assert not failed.exists()
+    assert not kept.exists()
+    pairs.write_text("damaged.png far.png\n")
+    with pytest.raises(ExportError, match=r"no pair .*damaged.png"):
+        match_pairs(pairs, tmp_path, *files, method="sift")

@@ -108,6 +108,38 @@ def test_one_query_that_cannot_be_read_does_not_stop_the_others(
     assert said.err == f"nearfar: {missing} does not exist\n"
 
 
+def test_folders_and_lists_of_queries(
+    small_town: Path, small_close_up: KnownPair, tmp_path: Path
+) -> None:
+    folder, listed = tmp_path / "queries", tmp_path / "list.txt"
+    write(folder / "a.png", small_close_up.near)
+    write(folder / ".hidden.png", small_close_up.near)
+    write(tmp_path / "b.png", small_close_up.near)
+    listed.write_text("# queries\n\nb.png\nqueries/a.png\n")
+    result = nearfar("map", "locate", small_town, folder, "--list", listed, "--json")
+    assert result.returncode == 0, result.stderr
+    paths = [json.loads(line)["query"]["path"] for line in result.stdout.splitlines()]
+    assert paths == [str(folder / "a.png"), str(tmp_path / "b.png")]
+    assert_bad_input(nearfar("map", "locate", small_town), "--list FILE")
+    assert_bad_input(nearfar("map", "locate", small_town, "--list", tmp_path / "no"), "no")
+    (tmp_path / "empty").mkdir()
+    assert_bad_input(nearfar("map", "locate", small_town, tmp_path / "empty"), "no images")
+
+
+def test_a_missing_file_of_the_map_is_bad_input(
+    photos: Path, small_close_up: KnownPair, tmp_path: Path
+) -> None:
+    folder, query = photos.parent / "map", write(tmp_path / "query.png", small_close_up.near)
+    assert nearfar("map", "build", photos / "astronaut.png", "--out", folder).returncode == 0
+    (photos / "astronaut.png").unlink()
+    result = nearfar("map", "locate", folder, query)
+    assert result.returncode == 2
+    assert "not found" in result.stdout
+    assert result.stderr == (
+        "nearfar: the file photos/astronaut.png is missing or has changed: build the map again\n"
+    )
+
+
 def test_queries_of_one_name_are_saved_apart(map_: Path, tmp_path: Path) -> None:
     others = [write(tmp_path / place / "a.png", np.zeros((9, 9, 3), np.uint8)) for place in "bc"]
     assert main(["map", "locate", str(map_), *map(str, others), "--save", str(tmp_path / "o")]) == 3

@@ -1,5 +1,6 @@
 """nearfar instead of hloc's `match_dense`. It needs the extra `export`, but not hloc."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,9 @@ from nearfar.exports.hloc import NamedLocalization, write_hloc
 from nearfar.exports.subject import Subject
 from nearfar.localizer import Localizer
 from nearfar.models import ModelKind
-from nearfar.runtime import require
+from nearfar.runtime import logs, require
+from nearfar.runtime.failures import reason_of_error
+from nearfar.storage.locations import replaced
 
 
 def match_pairs(
@@ -21,6 +24,10 @@ def match_pairs(
     **options: Any,
 ) -> tuple[Path, Path]:
     """Match pairs of images, and write hloc's files of features and matches.
+
+    A pair whose images cannot be read, or that EXIF data rotate, is left out, and the others go on.
+    Then `MATCHES-failed.txt` has a line for each such pair, with the reason. `MATCHES-pairs.txt`
+    lists the other pairs, for hloc's later steps.
 
     Args:
         pairs: hloc's list of pairs, two names a line: the near image (the query), then the far
@@ -36,19 +43,45 @@ def match_pairs(
         `features` and `matches`, as `match_dense.main` does.
 
     Raises:
-        ExportError: a line of the list is not a pair, or the EXIF data of an image rotate it.
-        NearfarError: an image, the settings or the weights are not valid.
+        ExportError: a line of the list is not a pair, or no pair of the list can be matched.
+        NearfarError: the settings or the weights are not valid.
         OSError: a file cannot be read or written.
     """
     require("export", "h5py")
     localizer = Localizer(**options)
-    found = []
+    found: list[NamedLocalization] = []
+    failed: dict[tuple[str, str], str] = {}
     for near, far in _read_pairs(pairs):
-        localization = localizer.localize(image_dir / far, image_dir / near, model=model)
-        names = Subject(localization, far=far, near=near).names
+        try:
+            localization = localizer.localize(image_dir / far, image_dir / near, model=model)
+            names = Subject(localization, far=far, near=near).names
+        except Exception as error:  # Libraries raise many kinds of errors for an image.
+            reason = failed[near, far] = reason_of_error(error)
+            logs.event(f"left out {near} {far}: {reason}", logging.WARNING)
+            continue
         found.append(NamedLocalization(names, localization))
+    if failed and not found:
+        raise ExportError(f"no pair of {pairs} can be matched: {next(iter(failed.values()))}")
+    _record(matches, found, failed)
     write_hloc(found, features, matches)
     return features, matches
+
+
+def _record(
+    matches: Path, found: list[NamedLocalization], failed: dict[tuple[str, str], str]
+) -> None:
+    """Write the pairs that were left out, and those that were not; remove lists of earlier runs."""
+    lists = {
+        "failed": [f"{near} {far} {reason}" for (near, far), reason in failed.items()],
+        "pairs": [f"{each.names.near} {each.names.far}" for each in found] if failed else [],
+    }
+    for name, lines in lists.items():
+        file = matches.with_name(f"{matches.stem}-{name}.txt")
+        if not lines:
+            file.unlink(missing_ok=True)
+            continue
+        with replaced(file) as out:
+            out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _read_pairs(file: Path) -> list[tuple[str, str]]:

@@ -210,9 +210,10 @@ def compact_command(folder: MapFolder, /) -> None:
 @map_app.command(name="locate")
 def locate_command(
     folder: MapFolder,
-    queries: list[Place],
+    queries: list[Place] = [],  # noqa: B006
     /,
     *,
+    listed: Annotated[Path | None, Parameter(name="--list")] = None,
     as_json: AsJson = False,
     save: Place | None = None,
     geojson: Path | None = None,
@@ -224,11 +225,13 @@ def locate_command(
 ) -> int:
     """Find where QUERIES lie in a map.
 
-    Exit status: 0 all located, 3 some not found, 2 bad input or usage.
+    Exit status: 0 all located, 3 some not found, 2 bad input or usage, or not found while files of
+    the map are missing.
 
     Args:
         folder: Folder of the map.
-        queries: Images or videos to locate, or URLs of images.
+        queries: Images, videos or folders of images to locate, or URLs of images.
+        listed: File with a query on each line. Paths are relative to it.
         as_json: Print one JSON object a line for each query instead of text.
         save: Folder or URL for a JSON file and a picture of each query.
         geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
@@ -244,14 +247,14 @@ def locate_command(
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=search.settings())
-    from nearfar.cli.map_queries import Query, died, locate_query, with_frames
+    from nearfar.cli.map_queries import Query, died, given_queries, locate_query, with_frames
 
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     folder_of_masks = None if masks is None else MaskFolder.opened(masks)
     run, workers, meter = uuid.uuid4().hex, work.begin("map"), Meter()
     located = []
     with (
-        with_frames(queries, fps, search.max_pixels) as given,
+        with_frames(given_queries(queries, listed), fps, search.max_pixels) as given,
         shown_progress("queries") as show,
     ):
         tasks = [
@@ -274,7 +277,9 @@ def locate_command(
                 _say(found.line if as_json else found.text)
             else:
                 print(f"nearfar: {found.error}", file=sys.stderr)  # noqa: T201
-                meter.failed += 1
+            for reason in found.unread:
+                print(f"nearfar: {reason}", file=sys.stderr)  # noqa: T201
+            meter.failed += found.error is not None or bool(found.unread and not found.located)
             located.append(found)
     if geojson is not None:
         features = [feature for found in located for feature in found.features]

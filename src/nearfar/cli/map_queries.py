@@ -11,15 +11,16 @@ from typing import Any
 from nearfar.arrays import Coordinates
 from nearfar.cli.options import SearchOptions
 from nearfar.cli.world_text import place_text
-from nearfar.errors import ImageError, NearfarError
+from nearfar.errors import ImageError, NearfarError, SettingsError
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.kinds import is_video_name
 from nearfar.maps import open_map
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.frames import VideoFrames
+from nearfar.maps.images import NamedImages
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import QueryPose
-from nearfar.storage.locations import Location, local_copy, staged
+from nearfar.storage.locations import Location, local_copy, location, staged
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class Located:
         line: JSON object for `--json`.
         text: result for people to read.
         features: GeoJSON features.
+        unread: why files of the map could not be read.
     """
 
     error: str | None
@@ -66,6 +68,38 @@ class Located:
     line: str = ""
     text: str = ""
     features: tuple[dict[str, Any], ...] = ()
+    unread: tuple[str, ...] = ()
+
+
+def given_queries(queries: Sequence[Location], listed: Path | None) -> list[Location]:
+    """Return the queries that are named, with the images of folders, and those of a list.
+
+    Args:
+        queries: images, videos and folders.
+        listed: file with a path on each line, relative to the file; None for none.
+
+    Raises:
+        MapError: a folder holds no images.
+        SettingsError: the list cannot be read, or there is no query.
+    """
+    found: list[Location] = []
+    for query in queries:
+        inside = isinstance(query, Path) and query.is_dir()
+        found += NamedImages(query).files() if inside else [query]
+    if listed is not None:
+        try:
+            lines = listed.read_text(encoding="utf-8-sig", errors="surrogateescape").splitlines()
+        except OSError as error:
+            raise SettingsError(f"the list {listed} cannot be read ({error.strerror})") from None
+        names = [line.strip() for line in lines]
+        found += [
+            location(name) if "://" in name else listed.parent / name
+            for name in names
+            if name and not name.startswith("#")
+        ]
+    if not found:
+        raise SettingsError("give QUERIES, or a list of them (--list FILE)")
+    return list(dict.fromkeys(found))
 
 
 @contextmanager
@@ -113,7 +147,9 @@ def locate_query(query: Query) -> Located:
         with staged(query.save) as folder:
             found.save(folder, query.name)
     text = _text(found, top, posing=query.camera is not None)
-    return Located(None, found.located, found.to_json(), text, tuple(found.features()))
+    return Located(
+        None, found.located, found.to_json(), text, tuple(found.features()), found.unread
+    )
 
 
 def died(query: Query) -> Located:

@@ -140,6 +140,7 @@ class VerifiedCandidate:
         failure: kind of that reason; None where it is an answer or could not be read.
         place: where the query may still lie in the image, which nothing confirms; None where it is
             an answer, or nothing is known.
+        unread: whether the file of the map image is missing, has changed or cannot be read.
     """
 
     image: str
@@ -148,6 +149,7 @@ class VerifiedCandidate:
     reason: str | None
     failure: FailureKind | None = None
     place: UnverifiedPlace | None = None
+    unread: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the candidate as JSON values."""
@@ -210,6 +212,13 @@ class MapLocalization:
         if best is None:
             return "no landmark of the image is like one of the map"
         return f"none of {len(self.candidates)} candidates; {best.image}: {best.reason}"
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """Why files of candidates could not be read; each reason once."""
+        return tuple(
+            dict.fromkeys(each.reason for each in self.candidates if each.unread and each.reason)
+        )
 
     @property
     def failure(self) -> FailureKind | None:

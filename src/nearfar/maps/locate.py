@@ -202,7 +202,10 @@ class MapLocator:
         try:
             tile = self._tile(candidate, image)
         except ImageError as error:
-            return VerifiedCandidate(image.name, candidate.votes, 0.0, str(error)), []
+            return (
+                VerifiedCandidate(image.name, candidate.votes, 0.0, str(error), unread=True),
+                [],
+            )
         cameras = None if posing is None else posing.cameras(image.name)
         shown = MaskedImage(query.pixels, query.mask)
         found = localize_in_tile(self._localizer, candidate, tile, shown, cameras)
