@@ -274,7 +274,13 @@ class AmbiguityConstants:
     most_distance: float = 0.35
     """Squared distance of RootSIFT descriptors below which keypoints are similar."""
     least_own: int = 8
-    """Keypoints that agree with the answer itself below which nothing is said."""
+    """Keypoints that agree with the answer itself below which pixels are compared instead."""
+    correlated_side: float = 96.0
+    """Longest side of the footprint when pixels are compared, in pixels."""
+    least_correlation: float = 0.4
+    """Correlation of the answer's own place below which pixels say nothing."""
+    least_correlated: float = 0.8
+    """Correlation of an alternative, as a share of the answer's."""
     most: int = 24
     """Hypotheses that are compared, some of them at one place."""
     seeds: int = 80

@@ -18,15 +18,16 @@ from nearfar.features.nearest import negative_squared_distance
 from nearfar.geometry.homography import local_scale, outline, transform
 from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.warp import resized
+from nearfar.methods.adaptive.pair import AdaptiveFeatures
 from nearfar.methods.adaptive.votes import Tentative, hypotheses, matches_of
 from nearfar.methods.adaptive.zoom import inside
 from nearfar.models import Alternative
+from nearfar.verification.correlation import correlated
 
 
 def alternatives(
-    far: Keypoints,
-    near: MaskedImage,
-    near_keypoints: Keypoints,
+    far: AdaptiveFeatures,
+    near: AdaptiveFeatures,
     far_from_near: Matrix3,
     constants: AmbiguityConstants,
     votes: VoteConstants,
@@ -34,9 +35,8 @@ def alternatives(
     """Return other places that explain the near image nearly as well as a homography.
 
     Args:
-        far: keypoints of the far image.
-        near: the near image.
-        near_keypoints: its keypoints at its own scale.
+        far: features of the far image.
+        near: features of the near image.
         far_from_near: the homography.
         constants: of the comparison.
         votes: constants of the votes.
@@ -45,15 +45,17 @@ def alternatives(
     middle = np.array([width - 1, height - 1]) / 2
     factor = local_scale(far_from_near, middle)
     if factor > constants.least_factor:
-        best = np.argsort(-near_keypoints.score, kind="stable")[: constants.most_points]
-        points = near_keypoints[best]
+        best = np.argsort(-near.keypoints.score, kind="stable")[: constants.most_points]
+        points = near.keypoints[best]
     else:
-        points = _reduced_keypoints(near, factor, constants)
-    matches = _similar(far, points, constants)
+        points = _reduced_keypoints(near.image, factor, constants)
+    matches = _similar(far.keypoints, points, constants)
     agreeing = _agrees(matches, far_from_near, votes)
     own, elsewhere = _count(matches.near[agreeing]), matches[~agreeing]
     least = constants.least_score * own
-    if own < constants.least_own or _count(elsewhere.near) < least:
+    if own < constants.least_own:
+        return tuple(correlated(far.image, near.image, far_from_near, constants))
+    if _count(elsewhere.near) < least:
         return ()
     corners = outline(width, height)
     centre = transform(far_from_near, middle[np.newaxis])[0]

@@ -93,9 +93,8 @@ class Checks:
         constants = self._constants.ambiguity
         with pair.timer.stage("verification"):
             found = alternatives(
-                pair.far.keypoints,
-                pair.near.image,
-                pair.near.keypoints,
+                pair.far,
+                pair.near,
                 np.asarray(best.estimate.far_from_near),
                 constants,
                 self._constants.votes,
