@@ -16,6 +16,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from nearfar import Localizer
+from nearfar.bench.runner import expected_columns
 from nearfar.settings import Settings
 from nearfar.storage.rows import RowFile, read_rows
 
@@ -41,15 +42,23 @@ def localized(far: Path, near: Path, options: dict[str, str]) -> dict[str, Any]:
     """The answer without any threshold."""
     settings = Settings(max_false_alarms=float("inf"), min_confidence=0).replace(**options)
     found = Localizer(settings).localize(far, near)
-    return options | {
-        "far": far.name,
-        "near": near.name,
-        "status": found.status,
-        "confidence": found.confidence,
-        "log10_nfa": found.log10_nfa,
-        "step": found.step,
-        "seconds": sum(found.seconds.values()),
-    }
+    return (
+        options
+        | expected_columns(found.expected_error)
+        | {
+            "case": f"{far.name} {near.name}",
+            "model": "homography",
+            "set": "unrelated",
+            "strict": False,
+            "far": far.name,
+            "near": near.name,
+            "status": found.status,
+            "confidence": found.confidence,
+            "log10_nfa": found.log10_nfa,
+            "step": found.step,
+            "seconds": sum(found.seconds.values()),
+        }
+    )
 
 
 def main() -> None:

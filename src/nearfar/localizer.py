@@ -405,9 +405,12 @@ def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> Model
 def _task(kind: ModelKind, far: View, near: View, expected: Sequence[Matrix3]) -> Task:
     far_working, near_working = (_working_from_undistorted(view) for view in (far, near))
     guesses = tuple(far_working @ _guess(each) @ np.linalg.inv(near_working) for each in expected)
+    pixel = far.image.width / far.image.pixels.shape[1]
     if kind != "pose" or far.camera is None or near.camera is None:
-        return Task(kind, expected=guesses)
-    return Task(kind, far_working @ far.camera.matrix, near_working @ near.camera.matrix, guesses)
+        return Task(kind, expected=guesses, pixel=pixel)
+    return Task(
+        kind, far_working @ far.camera.matrix, near_working @ near.camera.matrix, guesses, pixel
+    )
 
 
 def _working_from_undistorted(view: View) -> Matrix3:

@@ -61,12 +61,14 @@ class Task:
         near_intrinsics: the same of the near camera.
         expected: guesses of the homography, near to far pixels of the working images, that are
             worth a try before any other; only the method `adaptive` uses them.
+        pixel: original far pixels that a pixel of the far working image is large, for errors.
     """
 
     model: ModelKind
     far_intrinsics: Matrix3 | None = None
     near_intrinsics: Matrix3 | None = None
     expected: tuple[Matrix3, ...] = ()
+    pixel: float = 1.0
 
     @property
     def cameras(self) -> tuple[Matrix3, Matrix3]:

@@ -29,6 +29,7 @@ from nearfar.storage.rows import (
     row_file,
     settings_key,
 )
+from nearfar.verification.expected_error import ExpectedError
 
 _KEPT = (
     "status",
@@ -217,7 +218,17 @@ def localized_columns(case: Case, localizer: Localizer) -> Row:
         near_mask=case.near_mask,
     )
     answer = found.to_dict()
-    return {name: answer[name] for name in _KEPT} | evaluate(case, found)
+    kept = {name: answer[name] for name in _KEPT} | expected_columns(found.expected_error)
+    return kept | evaluate(case, found)
+
+
+def expected_columns(expected: ExpectedError | None) -> Row:
+    """Return the expected error of an answer as columns of its row."""
+    region = None if expected is None else expected.region
+    return {
+        "expected_error": None if expected is None else expected.value,
+        "expected_inside": None if region is None else region.inside,
+    }
 
 
 def run(

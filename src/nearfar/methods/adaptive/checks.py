@@ -1,5 +1,6 @@
 """Checks of the best attempt by evidence that did not produce it."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from nearfar.methods.adaptive.candidates import places
 from nearfar.methods.adaptive.pair import Pair
 from nearfar.models import Agreement, Alternative, Candidate
 from nearfar.verification.agreement import agreement
+from nearfar.verification.confidence import confidence
+from nearfar.verification.expected_error import with_expected_error
 from nearfar.verification.failures import by_score
 from nearfar.verification.form import shared_form
 from nearfar.verification.overlay import Overlay, shared_overlay
@@ -85,6 +88,25 @@ class Checks:
         far, near = pair.far.image, pair.near.image
         limits = self._constants.agreement
         return agreement(far, near, place, inliers, self._descriptor, limits)
+
+    def confidence(self, pair: Pair, best: Attempt) -> float:
+        """Return the confidence by evidence and expected error, where no other place fits."""
+        model, task = best.estimate.far_from_near, pair.task
+        if model is None or not math.isfinite(best.log10_nfa):
+            return 0.0
+        inliers = best.estimate.inliers
+        with pair.timer.stage("verification"):
+            _, expected = with_expected_error(
+                model,
+                task.model,
+                best.far[inliers],
+                best.near[inliers],
+                pair.near.size,
+                1.0,
+                self._constants.uncertainty,
+                task.cameras if task.model == "pose" else None,
+            )
+        return confidence(task.model, best.log10_nfa, expected, task.pixel)
 
     def alternatives(self, pair: Pair, best: Attempt, agrees: Agreement) -> tuple[Alternative, ...]:
         """Return other places that explain the near image nearly as well as the best attempt."""

@@ -33,7 +33,6 @@ from nearfar.methods.points import tuned_estimator
 from nearfar.models import Answer, Excluded, Task
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
-from nearfar.verification.confidence import confidence
 from nearfar.verification.overlay import excluded_by
 
 
@@ -122,7 +121,7 @@ class Adaptive:
         others = () if agrees is None else self._checks.alternatives(pair, best, agrees)
         equal = self._constants.ambiguity.equal
         shared = 1 + sum(min(1.0, each.score / equal) for each in others)
-        sure = confidence(pair.task.model, best.log10_nfa) / shared
+        sure = self._checks.confidence(pair, best) / shared
         found = () if self._suffices(best, sure) else self._checks.candidates(pair)
         return Answer(
             best.far,
@@ -178,7 +177,9 @@ class Adaptive:
     def _refined(self, pair: Pair, best: Attempt) -> Attempt:
         """Refine a model of few matches, or one found by zooming, by narrower guided matching."""
         ladder = self._constants.ladder
-        sure = best.step == STEP or (best.step == "points" and best.log10_nfa < ladder.sure)
+        sure = best.step == STEP or (
+            best.step == "points" and best.log10_nfa < self._constants.refinement.sure
+        )
         if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):
             return best
         for reach in self._constants.zoom.refinements:
