@@ -200,11 +200,12 @@ def draw(results: dict[str, tuple[Numbers, NDArray[np.bool_]]], file: Path) -> N
         used = [index for index in range(BINS) if (bins == index).any()]
         x = [confidence[bins == index].mean() for index in used]
         y = [correct[bins == index].mean() for index in used]
-        axes.plot(x, y, "o-", label=kind)
-        for index, left, bottom in zip(used, x, y, strict=True):
-            axes.annotate(str((bins == index).sum()), (left, bottom), fontsize=7, va="bottom")
+        counts = np.array([(bins == index).sum() for index in used])
+        axes.scatter(x, y, s=8 + 30 * np.sqrt(counts), alpha=0.6, label=kind)
+        for count, left, bottom in zip(counts, x, y, strict=True):
+            axes.annotate(str(count), (left, bottom), fontsize=7, ha="center", va="center")
     axes.set(xlabel="confidence, scenes left out", ylabel="share of correct answers")
-    axes.legend()
+    axes.legend(loc="lower right", markerscale=0.5)
     figure.savefig(file, dpi=120)
 
 

@@ -89,8 +89,7 @@ class Settings:
         budget: Method adaptive: start no further step after this many seconds. Results then depend
             on the speed of the machine.
         min_confidence: Method adaptive: report a failure if the calibrated confidence is lower.
-            The default of max_false_alarms already refuses homographies below 0.69 and other
-            models below 0.77.
+            Answers that chance may explain (max_false_alarms) are refused whatever it is.
         max_false_alarms: Report a failure if chance alone would give more models as good as the
             one found. inf accepts every model, as the paper does.
         max_size: Longest side of a working image, in pixels. Larger images are reduced; 0 keeps

@@ -150,8 +150,8 @@ class SearchOptions:
     """Last step of the method adaptive to try for each candidate."""
 
     min_confidence: float = DEFAULTS.min_confidence
-    """Least calibrated confidence of an answer. Results that chance may explain, below 0.69 for
-    homographies and 0.77 for poses, are never answers."""
+    """Least calibrated confidence of an answer. Results that chance may explain are never answers,
+    whatever it is."""
 
     max_pixels: int = DEFAULTS.max_pixels
     """Refuse images with more pixels, which may be decompression bombs."""
