@@ -14,7 +14,7 @@ from nearfar.arrays import RGBPixels
 OF_EXTRAS = (
     *("distributed", "fastapi", "filelock", "h5py", "jinja2", "joblib", "lancedb", "matplotlib"),
     *("obstore", "platformdirs", "pyarrow", "pycolmap", "rasterio", "scipy", "skimage", "torch"),
-    *("uvicorn", "yaml"),
+    *("kornia", "pi_heif", "uvicorn"),
 )
 """Modules of packages that only extras bring."""
 

@@ -10,7 +10,6 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import scaling, transform
@@ -106,7 +105,10 @@ class ByMatches:
         matches, which decides where those around lie on a line.
         """
         count = min(NEIGHBOURS, len(self.near))
-        distance, index = cKDTree(self.near).query(at, k=np.arange(1, count + 1))
+        middle = self.near.mean(axis=0)  # Single precision is enough around it.
+        queries, points = ((each - middle).astype(np.float32) for each in (at, self.near))
+        _, index = cv2.batchDistance(queries, points, cv2.CV_32F, K=count)
+        distance = np.linalg.norm(at[:, np.newaxis] - self.near[index], axis=2)
         weight = 1 / (distance**2 + NEAREST**2)
         weight /= weight.sum(axis=1, keepdims=True)
         near, far = self.near[index], self.far[index]
