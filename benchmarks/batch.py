@@ -39,7 +39,7 @@ def main() -> None:
             killed(command, out, round(share * asked.pairs))
         resumed = subprocess.run(command, capture_output=True, text=True, check=False)
         content = out.read_bytes()
-        print(resumed.stdout, end="")
+        print(resumed.stdout, end="", flush=True)
         subprocess.run(command, capture_output=True, check=False)
         rows = [json.loads(line) for line in content.splitlines()]
         wrong = {n for n, row in enumerate(rows) if row["status"] == "error"}
@@ -82,7 +82,7 @@ def killed(command: list[str], out: Path, lines: int) -> None:
             time.sleep(0.05)
         running.kill()
     done = out.read_bytes().count(b"\n")
-    print(f"killed after {done} lines")
+    print(f"killed after {done} lines", flush=True)
 
 
 if __name__ == "__main__":

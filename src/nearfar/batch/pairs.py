@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nearfar.errors import SettingsError
 from nearfar.maps.images import NamedImages
+from nearfar.storage.locations import Location
 
 COLUMNS = ("far", "near")
 """Names of the two columns, in the order of a list without a header."""
@@ -100,7 +101,7 @@ def pairs_with(far: Path, near: Iterable[Path]) -> list[Pair]:
     return [Pair(far, file) for file in files]
 
 
-def distinct_names(files: Sequence[Path]) -> list[str]:
+def distinct_names(files: Sequence[Location]) -> list[str]:
     """Return a name for the results of each file; further files of a name are numbered.
 
     The names of the first files do not depend on those that follow.

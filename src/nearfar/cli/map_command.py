@@ -1,6 +1,5 @@
 """The commands of `nearfar map`."""
 
-import itertools
 import json
 import sys
 import uuid
@@ -11,6 +10,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from nearfar.batch.pairs import distinct_names
 from nearfar.cli.options import (
     BAD_INPUT,
     DEFAULT_SEARCH,
@@ -269,7 +269,9 @@ def locate_command(
                 run,
                 _mask_of(query, folder_of_masks),
             )
-            for (query, shown), name in zip(given, _names([each[1] for each in given]), strict=True)
+            for (query, shown), name in zip(
+                given, distinct_names([each[1] for each in given]), strict=True
+            )
         ]
         for found in workers.run_in_order(locate_query, tasks, died, meter):
             show(meter.done, len(tasks))
@@ -293,17 +295,6 @@ def locate_command(
 
 def _mask_of(query: Location, masks: MaskFolder | None) -> Path | None:
     return None if masks is None else masks.mask_of(query.name)
-
-
-def _names(queries: Sequence[Location]) -> list[str]:
-    """Return a name for the files of each query; further queries of a name are numbered."""
-    names: dict[str, None] = {}
-    for query in queries:
-        numbered = (f"{query.stem}-{number}" for number in itertools.count(2))
-        names[
-            next(name for name in itertools.chain([query.stem], numbered) if name not in names)
-        ] = None
-    return list(names)
 
 
 def _add(
