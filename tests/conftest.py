@@ -15,7 +15,7 @@ import pytest
 from hypothesis import settings
 from PIL import Image as PillowImage
 
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.homography import transform
 from tests.object_storage import bucket, running_server, server  # noqa: F401
 
@@ -66,6 +66,38 @@ def known_pair(photograph: Callable[[str], RGBPixels]) -> KnownPair:
     inside = cv2.warpPerspective(np.full(near.shape[:2], 255, np.uint8), far_from_near, (640, 480))
     far = np.where(inside[..., np.newaxis] > 127, warped, scene)
     return KnownPair(far, near, far_from_near)
+
+
+@dataclass(frozen=True, eq=False)
+class DeepPair:
+    """A photograph set small into another one as two planes, between which the depth has a step."""
+
+    far: RGBPixels
+    near: RGBPixels
+    planes: tuple[Matrix3, Matrix3]
+    """Homographies far_from_near of its left and its right half; one epipolar geometry fits all."""
+
+    def distances(self, far: Coordinates, near: Coordinates) -> Coordinates:
+        """(N,) distances of far points from where the nearer of both planes has the near points."""
+        away = [np.linalg.norm(transform(plane, near) - far, axis=1) for plane in self.planes]
+        return np.asarray(np.minimum(*away))
+
+
+@pytest.fixture(scope="session")
+def deep_pair(photograph: Callable[[str], RGBPixels], known_pair: KnownPair) -> DeepPair:
+    """The known pair, of which the right half is 40 far pixels further to the right."""
+    near, left = known_pair.near, known_pair.far_from_near
+    right = left + np.outer([40.0, 0, 0], [0, 0, 1])
+    far = np.ascontiguousarray(
+        cv2.resize(photograph("chelsea"), (640, 480), interpolation=cv2.INTER_CUBIC)
+    )
+    blurred = cv2.GaussianBlur(near, (0, 0), 0.5 * 2.5)
+    for plane, columns in ((left, slice(0, 256)), (right, slice(256, 512))):
+        half = np.zeros(near.shape[:2], np.uint8)
+        half[:, columns] = 255
+        inside = cv2.warpPerspective(half, plane, (640, 480)) > 127
+        far[inside] = cv2.warpPerspective(blurred, plane, (640, 480))[inside]
+    return DeepPair(far, near, (left, right))
 
 
 @pytest.fixture

@@ -94,6 +94,7 @@ class Page:
 
     def choose(self, files: tuple[Path, Path]) -> None:
         """Give the far and the near image."""
+        self.wait(lambda: len(self.all("input[type=file]")) == len(files))
         for chooser, file in zip(self.all("input[type=file]"), files, strict=True):
             chooser.send_keys(str(file))
         self.wait(lambda: len(self.all(".slot-caption")) == 2)

@@ -15,7 +15,7 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
 from nearfar.cli import main
-from tests.conftest import KnownPair
+from tests.conftest import DeepPair, KnownPair
 
 Files = tuple[Path, Path]
 
@@ -69,12 +69,24 @@ def test_json_follows_the_contract(known_files: Files, known_pair: KnownPair) ->
     assert known_pair.error(np.array(answer["far_from_near"]["homography"])) < 1
     assert np.array(answer["footprint"]).shape == (4, 2)
     assert 4 <= answer["inliers"] <= answer["matches"]
-    assert answer["far"] == {"path": str(far), "width": 640, "height": 480}
+    assert answer["far"] == {
+        "path": str(far), "width": 640, "height": 480, "bands": [], "channels": "rgb",
+    }  # fmt: skip
 
 
-def test_fundamental_matrix_and_pose(known_files: Files, tmp_path: Path) -> None:
-    far, near = known_files
-    result = nearfar("localize", far, near, "--method", "sift", "--model", "fundamental", "--json")
+def test_fundamental_matrix_and_pose(
+    deep_pair: DeepPair, known_files: Files, tmp_path: Path
+) -> None:
+    result = nearfar(
+        "localize", *known_files, "--method", "sift", "--model", "fundamental", "--json"
+    )
+    assert result.returncode == 3
+    assert json.loads(result.stdout)["failure"] == "plane"
+    far, near = (
+        write(tmp_path / f"deep-{name}.png", pixels)
+        for name, pixels in (("far", deep_pair.far), ("near", deep_pair.near))
+    )
+    result = nearfar("localize", far, near, "--model", "fundamental", "--json")
     assert np.array(json.loads(result.stdout)["far_from_near"]["fundamental"]).shape == (3, 3)
     intrinsics = tmp_path / "intrinsics.json"
     intrinsics.write_text('{"far": [500, 500, 320, 240], "near": [500, 500, 256, 256]}')

@@ -66,7 +66,8 @@ def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> 
     assert found["query"] == {"path": str(queries[0]), "width": 480, "height": 420}
     (answer,) = found["answers"]
     assert set(answer) == {
-        "image", "far_from_near", "footprint", "scale_change", "confidence", "votes", "world"
+        "image", "far_from_near", "footprint", "scale_change", "confidence", "votes", "world",
+        "alternatives", "expected_error",
     }  # fmt: skip
     assert np.array(answer["far_from_near"]["homography"]).shape == (3, 3)
     assert np.array(answer["footprint"]).shape == (4, 2)
@@ -74,7 +75,9 @@ def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> 
     assert (unknown["status"], unknown["answers"]) == ("not found", [])
     assert unknown["reason"]
     assert len(unknown["candidates"]) == 4, "two as it is and two seen from aside"
-    assert set(unknown["candidates"][0]) == {"image", "votes", "confidence", "reason"}
+    assert set(unknown["candidates"][0]) == {
+        "image", "votes", "confidence", "reason", "failure", "place"
+    }  # fmt: skip
 
 
 def test_info(map_: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from nearfar.bench.studies.kitti import find_kitti_cases
 from nearfar.constants import Constants, PointConstants
 from nearfar.errors import SettingsError
 from nearfar.geometry.errors import direction_angle, rotation_angle
-from tests.conftest import KnownPair
+from tests.conftest import DeepPair, KnownPair
 
 Photograph = Callable[[str], RGBPixels]
 
@@ -211,14 +211,19 @@ def test_every_answer_can_be_accepted_or_refused(photograph: Photograph) -> None
     assert refused.confidence == accepted.confidence
 
 
-def test_a_fundamental_matrix_agrees_with_the_truth(known_pair: KnownPair) -> None:
-    found = localize(known_pair.far, known_pair.near, model="fundamental")
+def test_a_fundamental_matrix_agrees_with_the_truth(deep_pair: DeepPair) -> None:
+    found = localize(deep_pair.far, deep_pair.near, model="fundamental")
     inliers = found.points.inliers
-    near = np.column_stack([found.points.near[inliers], np.ones(inliers.sum())])
-    mapped = near @ known_pair.far_from_near.T
-    away = mapped[:, :2] / mapped[:, 2:] - found.points.far[inliers]
     assert found.localized
-    assert np.median(np.linalg.norm(away, axis=1)) < 1
+    far, near = found.points.far[inliers], found.points.near[inliers]
+    assert np.median(deep_pair.distances(far, near)) < 1
+
+
+def test_one_plane_leaves_the_fundamental_matrix_open(known_pair: KnownPair) -> None:
+    found = localize(known_pair.far, known_pair.near, model="fundamental", max_effort="points")
+    assert not found.localized
+    assert found.failure == "plane"
+    assert known_pair.error(found.candidates[0].far_from_near) < 1
 
 
 @pytest.mark.parametrize("factor", [1, 4])
@@ -287,10 +292,15 @@ class Clock:
 
 
 @pytest.mark.parametrize("model", ["homography", "fundamental"])
-def test_nothing_is_computed_after_strong_evidence(model: Any, photograph: Photograph) -> None:
-    pair = set_small(photograph("coffee"), photograph("chelsea"), 12, (200, 150))
-    found = Localizer().localize(pair.far, pair.near, model=model, expected=[pair.far_from_near])
-    assert (found.status, found.step) == ("localized", "expected")
+def test_nothing_is_computed_after_strong_evidence(
+    model: Any, photograph: Photograph, deep_pair: DeepPair
+) -> None:
+    small = set_small(photograph("coffee"), photograph("chelsea"), 12, (200, 150))
+    pair = small if model == "homography" else deep_pair
+    expected = small.far_from_near if model == "homography" else deep_pair.planes[0]
+    found = Localizer().localize(pair.far, pair.near, model=model, expected=[expected])
+    assert found.localized
+    assert found.step == ("expected" if model == "homography" else "points")
     assert not set(found.seconds) & {"votes", "landmark search"}
 
 
