@@ -93,7 +93,7 @@ def test_what_is_read_back_is_the_same(found: Localization) -> None:
 def test_what_lacks_a_part_is_refused(found: Localization, data: st.DataObject) -> None:
     content = found.to_dict()
     optional = {"inliers", "matches", "landmark_matches", "agreement", "excluded", "alternatives"}
-    optional |= {"candidates", "failure", "expected_error", "mirrored"}
+    optional |= {"candidates", "failure", "expected_error", "mirrored", "intrinsics"}
     del content[data.draw(st.sampled_from(sorted(set(content) - optional)))]
     with pytest.raises(LocalizationError, match="to_dict"):
         Localization.from_dict(content)
@@ -123,6 +123,8 @@ PIXELS = {"mean": 1.0, "corners": None, "rotation": None, "direction": None, "re
         {"near": {"path": 4, "width": 4, "height": 3}},
         {"near": {"path": None, "width": 0, "height": 3}},
         {"near": {"path": None, "width": 4.5, "height": 3}},
+        {"near": {"path": None, "width": 4, "height": 3, "bands": [1, 2]}},
+        {"near": {"path": None, "width": 4, "height": 3, "channels": "hsv"}},
         {"failure": "bad luck"}, {"candidates": [{"homography": [[1]], "score": 1, "source": "x"}]},
         {"expected_error": {}},
         {"expected_error": PIXELS | {"mean": np.nan}},

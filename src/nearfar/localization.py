@@ -5,17 +5,25 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Mask, Matrix3
-from nearfar.errors import ImageError, IntrinsicsError, LocalizationError
+from nearfar.errors import ImageError, IntrinsicsError, LocalizationError, SettingsError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
-from nearfar.imaging.image import Image, ImageInfo, ImagePair, ImageSource, read_image
+from nearfar.imaging.image import (
+    Image,
+    ImageInfo,
+    ImagePair,
+    ImageSource,
+    band_numbers,
+    read_image,
+)
+from nearfar.imaging.undistorted import SIDE_POINTS
 from nearfar.landmarks import NO_LANDMARKS, LandmarkMatches
 from nearfar.models import (
     FAILURE_KINDS,
@@ -26,6 +34,7 @@ from nearfar.models import (
     FailureKind,
     ModelKind,
 )
+from nearfar.settings import Channels
 from nearfar.verification.expected_error import ExpectedError
 
 
@@ -47,6 +56,8 @@ class PointMatches:
         return len(self.far)
 
 
+_DAMAGES = (KeyError, TypeError, ValueError, AttributeError)
+"""What reading of damaged JSON values raises."""
 NO_POINTS = PointMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.bool_))
 
 
@@ -215,6 +226,8 @@ class Localization:
             if content["status"] != ("failed" if model is None else "localized"):
                 raise ValueError(f"the status {content['status']!r} contradicts the model")
             corners = content["footprint"]
+            if corners is not None and len(corners) not in (4, 4 * SIDE_POINTS):
+                raise ValueError(f"an outline of {len(corners)} points")
             return Localization(
                 status="failed" if model is None else "localized",
                 reason=_text(content["reason"]),
@@ -244,7 +257,7 @@ class Localization:
                 intrinsics=_read_cameras(content.get("intrinsics")),
                 expected_error=ExpectedError.from_dict(content.get("expected_error")),
             )
-        except (KeyError, TypeError, ValueError, AttributeError, IntrinsicsError) as error:
+        except (*_DAMAGES, IntrinsicsError, SettingsError) as error:
             raise LocalizationError(
                 f"this is no localization as `Localization.to_dict` writes it: {error!r}"
             ) from None
@@ -282,7 +295,7 @@ def mapped_points(far_from_near: Matrix3, known: Intrinsics, near: Coordinates) 
 def read_images(
     localization: Localization, images: Sequence[ImageSource] | None = None
 ) -> ImagePair:
-    """Read the images of a localization again, at the sizes at which it was found.
+    """Read the images of a localization again, at their working sizes and with their bands.
 
     Args:
         localization: what was found.
@@ -313,8 +326,13 @@ def read_again(info: ImageInfo, source: ImageSource | None = None, *, full: bool
         source = info.path
     if source is None:
         raise ImageError("an image that was localized as an array is needed again: give images=")
-    max_size = 0 if full else max(info.working_size)
-    image = read_image(source, max_size=max_size, max_pixels=info.width * info.height)
+    image = read_image(
+        source,
+        max_size=0 if full else max(info.working_size),
+        max_pixels=info.width * info.height,
+        bands=info.bands,
+        channels=info.channels,
+    )
     if (image.width, image.height) != (info.width, info.height):
         raise ImageError(
             f"{info.path or 'the array'} has {image.width}x{image.height} pixels, but "
@@ -374,14 +392,24 @@ def _read_cameras(content: Mapping[str, Any] | None) -> Intrinsics | None:
 
 def _image_as_dict(image: ImageInfo) -> dict[str, Any]:
     path = None if image.path is None else str(image.path)
-    return {"path": path, "width": image.width, "height": image.height}
+    return {
+        "path": path,
+        "width": image.width,
+        "height": image.height,
+        "bands": list(image.bands),
+        "channels": image.channels,
+    }
 
 
 def _read_info(content: Mapping[str, Any]) -> ImageInfo:
     path, width, height = _text(content["path"]), content["width"], content["height"]
     if not all(type(side) is int and side > 0 for side in (width, height)):
         raise ValueError(f"an image of {width!r} x {height!r} pixels")
-    return ImageInfo(None if path is None else Path(path), width, height, (width, height))
+    bands, channels = band_numbers(content.get("bands", ())), content.get("channels", "rgb")
+    if channels not in get_args(Channels):
+        raise ValueError(f"the order of channels {channels!r}")
+    size = width, height
+    return ImageInfo(None if path is None else Path(path), width, height, size, bands, channels)
 
 
 def _read_model(content: Mapping[str, Any] | None, kind: Any) -> Matrix3 | RelativePose | None:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as PillowImage
 
 from nearfar.arrays import IndexPairs, Mask
 from nearfar.errors import ExportError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.decoding import FORMATS, quiet_pillow
+from nearfar.imaging.decoding import read_orientation
 from nearfar.imaging.image import Image, ImagePair
+from nearfar.imaging.orientation import UPRIGHT
 from nearfar.localization import Localization, PointMatches, read_again, read_images
 from nearfar.storage.locations import is_text
 
@@ -91,9 +91,6 @@ def _one_to_one(pairs: IndexPairs) -> list[int]:
     return kept
 
 
-_EXIF_ORIENTATION = 0x0112
-
-
 @dataclass(frozen=True)
 class ImageNames:
     """Names of both images, relative to the folder of images that a tool is given."""
@@ -154,6 +151,7 @@ class Subject:
         Raises:
             ExportError: an image has no path and no name, both have the same, a name is not UTF-8,
                 or an image is displayed otherwise than it is stored.
+            ImageError: the file of an image cannot be read.
         """
         paths = [self.localization.far.path, self.localization.near.path]
         for path in paths:
@@ -209,10 +207,10 @@ def check_stored_upright(path: Path) -> None:
 
     Raises:
         ExportError: its EXIF orientation turns it.
+        ImageError: its file cannot be read.
     """
-    with quiet_pillow(), PillowImage.open(path, formats=FORMATS) as opened:
-        if opened.getexif().get(_EXIF_ORIENTATION, 1) != 1:
-            raise ExportError(
-                f"{path} is displayed turned, by its EXIF orientation, which other tools do "
-                f"not see: save it upright and localize again"
-            )
+    if read_orientation(path) != UPRIGHT:
+        raise ExportError(
+            f"{path} is displayed turned, by its EXIF orientation, which other tools do "
+            f"not see: save it upright and localize again"
+        )

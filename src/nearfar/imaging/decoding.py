@@ -212,8 +212,13 @@ def read_orientation(file: Path) -> int:
     """
     path = regular_file(file)
     try:
-        if is_heif(first_bytes(path)):
-            return UPRIGHT  # Its decoder turns the pixels.
+        start = first_bytes(path)
+        jpeg = jpeg2000_header(start)
+        if is_heif(start) or (jpeg is not None and jpeg.needs_gdal):
+            return UPRIGHT  # The decoder of HEIC turns the pixels; GDAL turns no JPEG 2000.
+        tiff = tiff_header(path)
+        if tiff is not None:
+            return tiff.orientation if 1 <= tiff.orientation <= 8 else UPRIGHT
         with (
             quiet_pillow(),
             path.open("rb") as content,

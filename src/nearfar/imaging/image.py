@@ -43,12 +43,16 @@ class ImageInfo:
         width: width of the original as displayed (after its EXIF rotation), in pixels.
         height: height of the original as displayed, in pixels.
         working_size: width and height of the working image, in pixels.
+        bands: numbers of the bands that were chosen; empty: the colours that the file names.
+        channels: order of the channels, where it was an array.
     """
 
     path: Path | None
     width: int
     height: int
     working_size: tuple[int, int]
+    bands: tuple[int, ...] = ()
+    channels: Channels = "rgb"
 
     @property
     def original_from_working(self) -> Matrix3:
@@ -67,6 +71,8 @@ class Image:
         height: height of the original as displayed.
         path: where it was read from; None for an array.
         mask: (height, width) of the working image, True where pixels may be used; None: all.
+        bands: numbers of the bands that were chosen; empty: the colours that the file names.
+        channels: order of the channels of the array that it was read from; `pixels` are RGB.
     """
 
     pixels: RGBPixels
@@ -74,12 +80,15 @@ class Image:
     height: int
     path: Path | None
     mask: PixelMask | None = None
+    bands: tuple[int, ...] = ()
+    channels: Channels = "rgb"
 
     @property
     def info(self) -> ImageInfo:
         """Return everything but the pixels."""
         height, width = self.pixels.shape[:2]
-        return ImageInfo(self.path, self.width, self.height, (width, height))
+        size = width, height
+        return ImageInfo(self.path, self.width, self.height, size, self.bands, self.channels)
 
     @property
     def original_from_working(self) -> Matrix3:
@@ -158,7 +167,8 @@ def read_image(
                 "the mask, or the transparency or missing data of the image, leaves no pixel to use"
             )
     pixels.flags.writeable = False  # Features that are kept refer to them.
-    return Image(pixels, decoded.width, decoded.height, path, used)
+    order: Channels = channels if path is None else "rgb"
+    return Image(pixels, decoded.width, decoded.height, path, used, chosen, order)
 
 
 def band_numbers(bands: Bands) -> tuple[int, ...]:

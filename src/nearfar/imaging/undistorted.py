@@ -127,7 +127,8 @@ def view_of(image: Image, camera: CameraIntrinsics | None, *, masked: bool = Tru
     pixels = np.ascontiguousarray(pixels)
     pixels.flags.writeable = False
     mask = used if keep and not used.all() else None
-    return View(Image(pixels, width, height, image.path, mask), camera, frame, size)
+    seen = replace(image, pixels=pixels, width=width, height=height, mask=mask)
+    return View(seen, camera, frame, size)
 
 
 def undistorted_outline(camera: CameraIntrinsics, width: int, height: int) -> Coordinates:

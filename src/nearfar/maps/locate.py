@@ -79,7 +79,7 @@ class MapLocator:
         self._describer = LandmarkDescriber(settings)
         self._localizer, self._closer = (
             Localizer(each, cache_bytes=CACHED_BYTES, same_place=True, mirror_hints=False)
-            for each in (settings, _closer(settings))
+            for each in (_of_pixels(settings), _closer(_of_pixels(settings)))
         )
         self._images = {image.id: image for image in store.images() if image.usable}
         self._poses = PoseStore(store.folder)
@@ -362,6 +362,11 @@ def _at(found: Localization, index: int) -> Localization:
         points=NO_POINTS,
         alternatives=(itself, *others),
     )
+
+
+def _of_pixels(settings: Settings) -> Settings:
+    """Return settings for images whose bands and channels are chosen already: arrays of RGB."""
+    return settings.replace(bands="", channels="rgb")
 
 
 def _closer(settings: Settings) -> Settings:
