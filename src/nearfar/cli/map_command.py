@@ -217,6 +217,10 @@ def locate_command(
     as_json: AsJson = False,
     save: Place | None = None,
     geojson: Path | None = None,
+    export: Annotated[
+        tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
+    ] = (),
+    dem: Path | None = None,
     intrinsics: CameraOption = None,
     masks: Path | None = None,
     fps: float = 1.0,
@@ -234,8 +238,12 @@ def locate_command(
         listed: File with a query on each line. Paths are relative to it.
         as_json: Print one JSON object a line for each query instead of text.
         save: Folder or URL for a JSON file and a picture of each query.
-        geojson: File for the footprints of all queries that lie in GeoTIFFs, in longitude and
+        geojson: File for the footprints of all queries in georeferenced images, in longitude and
             latitude.
+        export: Write files for another tool into the folder of --save, as nearfar localize does;
+            may be repeated. Of odm and geopackage, one file has all queries. Of others, each query
+            has its own.
+        dem: Raster of heights in metres, for the heights of --export odm.
         intrinsics: Camera that took the queries, as for nearfar localize, or a JSON file
             {"query": [fx, fy, cx, cy]}. Its distortion is undone. In a map with poses it gives the
             poses of the queries.
@@ -247,8 +255,10 @@ def locate_command(
     if geojson is not None and not geojson.parent.is_dir():
         raise SettingsError(f"there is no folder {geojson.parent} for --geojson")
     open_map(folder, settings=search.settings())
+    from nearfar.cli.map_exports import map_exports
     from nearfar.cli.map_queries import Query, died, given_queries, locate_query, with_frames
 
+    exports = map_exports(export, save, dem)
     camera = None if intrinsics is None else read_camera(intrinsics, "query")
     folder_of_masks = None if masks is None else MaskFolder.opened(masks)
     run, workers, meter = uuid.uuid4().hex, work.begin("map"), Meter()
@@ -283,6 +293,12 @@ def locate_command(
                 print(f"nearfar: {reason}", file=sys.stderr)  # noqa: T201
             meter.failed += found.error is not None or bool(found.unread and not found.located)
             located.append(found)
+        if exports is not None:
+            named = zip(tasks, located, strict=True)
+            subjects = [(each.name, found.subject) for each, found in named if found.subject]
+            for failure in exports.write(subjects):
+                print(f"nearfar: {failure}", file=sys.stderr)  # noqa: T201
+                meter.failed += 1
     if geojson is not None:
         features = [feature for found in located for feature in found.features]
         content = {"type": "FeatureCollection", "features": features}

@@ -12,6 +12,8 @@ from nearfar.arrays import Coordinates
 from nearfar.cli.options import SearchOptions
 from nearfar.cli.world_text import place_text
 from nearfar.errors import ImageError, NearfarError, SettingsError
+from nearfar.exports import Subject
+from nearfar.exports.map_answer import best_answer
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.kinds import is_video_name
 from nearfar.maps import open_map
@@ -61,6 +63,7 @@ class Located:
         text: result for people to read.
         features: GeoJSON features.
         unread: why files of the map could not be read.
+        subject: the best answer, to be exported; None where the query was not found.
     """
 
     error: str | None
@@ -69,6 +72,7 @@ class Located:
     text: str = ""
     features: tuple[dict[str, Any], ...] = ()
     unread: tuple[str, ...] = ()
+    subject: Subject | None = None
 
 
 def given_queries(queries: Sequence[Location], listed: Path | None) -> list[Location]:
@@ -142,14 +146,14 @@ def locate_query(query: Query) -> Located:
         raise
     except Exception as error:  # Libraries raise many kinds of errors for an image.
         return Located(f"{query.source}: {type(error).__name__}: {error}")
+    subject = best_answer(replace(found, query=query.source), map_, query.camera)
     found = replace(found, query=query.shown)
     if query.save is not None:
         with staged(query.save) as folder:
             found.save(folder, query.name)
     text = _text(found, top, posing=query.camera is not None)
-    return Located(
-        None, found.located, found.to_json(), text, tuple(found.features()), found.unread
-    )
+    features = tuple(found.features())
+    return Located(None, found.located, found.to_json(), text, features, found.unread, subject)
 
 
 def died(query: Query) -> Located:

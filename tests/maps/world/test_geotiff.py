@@ -14,7 +14,7 @@ from nearfar import open_map
 from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.cli import main
 from nearfar.errors import ImageError
-from nearfar.geometry.homography import translation
+from nearfar.geometry.homography import transform, translation
 from nearfar.imaging.tiff import tiff_header
 from nearfar.maps.images import open_image
 from nearfar.maps.world.places import GeoPlace, geo_place
@@ -252,3 +252,41 @@ def test_a_turned_photograph_with_a_world_file_is_refused(
     plain.with_suffix(".jgw").write_text(world_file_text())
     with pytest.raises(ImageError, match="save it upright"):
         geo_place(plain, map_from_query, SIZE)
+
+
+def test_many_photographs_give_one_list_and_one_geopackage(
+    georeferenced: Path,
+    ground: RGBPixels,
+    map_from_query: Matrix3,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    map_, out = tmp_path / "map", tmp_path / "out"
+    flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+    models = {"a.png": map_from_query, "b.png": map_from_query @ translation(40, 0)}
+    for name, model in models.items():
+        seen = cv2.warpPerspective(ground, model, SIZE, flags=flags)
+        PillowImage.fromarray(seen).save(tmp_path / name)
+    assert main(["map", "build", str(georeferenced), "--out", str(map_)]) == 0
+    queries = [str(tmp_path / name) for name in models]
+    arguments = ["map", "locate", str(map_), *queries, "--max-effort", "points"]
+    assert main([*arguments, "--export", "odm"]) == 2
+    assert "--save DIR" in capsys.readouterr().err
+    exports = [word for name in ("odm", "geopackage", "geotiff") for word in ("--export", name)]
+    assert main([*arguments, "--save", str(out), *exports]) == 0
+    system, *lines = (out / "gcp_list.txt").read_text().splitlines()
+    assert system == "EPSG:32633"
+    marks: dict[str, set[str]] = {}
+    for line in lines:
+        east, north, _, column, row, image, point = line.split()
+        marks.setdefault(point, set()).add(image)
+        pixel = np.array([[float(column), float(row)]])
+        expected = np.array([[(float(east) - LEFT), (TOP - float(north))]]) / METRES - 0.5
+        assert np.abs(transform(models[image], pixel) - expected).max() < 0.5
+    assert sum(len(images) == 2 for images in marks.values()) > 10
+    assert pyogrio.read_info(out / "footprints.gpkg")["features"] == 2
+    for name in ("a", "b"):
+        with rasterio.open(out / f"{name}-near.tif") as dataset:
+            assert dataset.crs.to_epsg() == 32633
+            assert dataset.res[0] == pytest.approx(METRES / 2)
