@@ -53,6 +53,11 @@ def test_both_lenses_are_undone(localizer: Localizer) -> None:
     apart = np.linalg.norm(found.map_points(points.near) - points.far, axis=1)
     assert np.median(apart[points.inliers]) < 1
     assert Localization.from_dict(found.to_dict()).intrinsics == found.intrinsics
+    assert found.expected_error is not None
+    assert found.expected_error.region is not None
+    hull = found.expected_error.region.hull
+    used = points.near[points.inliers]
+    np.testing.assert_allclose([hull.min(0), hull.max(0)], [used.min(0), used.max(0)], atol=8)
 
 
 def test_without_distortion_nothing_changes(localizer: Localizer) -> None:

@@ -13,6 +13,7 @@ from nearfar.imaging.undistorted import View, undistorted_outline, view_of
 from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.models import Excluded, ModelKind
+from nearfar.verification.expected_error import ExpectedError
 
 
 def in_original_pixels(
@@ -64,7 +65,17 @@ def in_original_pixels(
         far=infos[0],
         near=infos[1],
         intrinsics=known,
+        expected_error=_with_original_hull(found.expected_error, near),
     )
+
+
+def _with_original_hull(error: ExpectedError | None, near: View) -> ExpectedError | None:
+    """Return an expected error whose hull of inliers is in pixels of the original near image."""
+    if error is None or error.region is None:
+        return error
+    hull = near.original(error.region.hull)
+    seen = np.isfinite(hull).all(axis=1)
+    return replace(error, region=replace(error.region, hull=hull[seen]))
 
 
 UNKNOWN = Intrinsics(None, None)

@@ -38,7 +38,9 @@ class ValidRegion:
 class ExpectedError:
     """How far an answer is expected to be off, as its inliers tell.
 
-    Whether it is the right place is not part of it: that is the confidence.
+    Whether it is the right place is not part of it: that is the confidence. Where a camera with
+    distortion is known, errors are in undistorted pixels, and corners are those of the image
+    without distortion; the hull is in pixels of the near image itself.
 
     Attributes:
         mean: mean over the near image, in pixels of the original far image: the transfer error of a
