@@ -19,6 +19,7 @@ from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import outline, transform
 from nearfar.imaging.decoding import quiet_pillow
 from nearfar.imaging.image import Image, read_image
+from nearfar.imaging.tiff import jpeg2000_header
 from nearfar.imaging.tiles import reduced_size
 
 GRADIENT = np.stack(np.broadcast_arrays(*np.ogrid[0:240:8, 0:200:5], 77), -1).astype(np.uint8)
@@ -273,3 +274,8 @@ def test_what_is_read_cannot_be_changed(tmp_path: Path) -> None:
 def test_a_negative_size_is_refused() -> None:
     with pytest.raises(SettingsError, match="max_size"):
         read_image(np.zeros((4, 5, 3), np.uint8), max_size=-1)
+
+
+def test_a_png_that_holds_the_bytes_of_a_code_stream_is_a_png() -> None:
+    stream = b"\xff\x4f\xff\x51" + bytes(40) + b"\x00\x03" + bytes([7] * 9)
+    assert jpeg2000_header(b"\x89PNG\r\n\x1a\n" + stream) is None

@@ -34,6 +34,8 @@ _FOREIGN = {
     34892: "raw sensor",
 }
 """Photometric interpretations whose values are no red, green and blue."""
+_JP2 = b"\x00\x00\x00\x0cjP  "
+"""Start of a JPEG 2000 file; files of other kinds may hold the bytes of a code stream by chance."""
 _CODE_STREAM = b"\xff\x4f\xff\x51"
 """Start of a JPEG 2000 code stream, and of its first segment."""
 _START = 1 << 16
@@ -203,6 +205,8 @@ class Jpeg2000Header:
 
 def jpeg2000_header(start: bytes) -> Jpeg2000Header | None:
     """Return the header of a JPEG 2000 file from its first bytes; None where there is none."""
+    if not start.startswith((_JP2, _CODE_STREAM)):
+        return None
     at = start.find(_CODE_STREAM)
     if at < 0 or len(start) < at + 42:
         return None
