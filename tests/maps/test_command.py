@@ -60,7 +60,7 @@ def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> 
     assert result.returncode == 3, result.stderr
     assert result.stderr == ""
     found, unknown = map(json.loads, result.stdout.splitlines())
-    keys = {"status", "reason", "query", "answers", "world", "candidates", "seconds"}
+    keys = {"status", "reason", "failure", "query", "answers", "world", "candidates", "seconds"}
     assert set(found) == set(unknown) == keys
     assert (found["status"], found["reason"]) == ("located", None)
     assert found["query"] == {"path": str(queries[0]), "width": 480, "height": 420}
