@@ -53,3 +53,11 @@ def test_what_is_in_no_window_has_failed(panorama: RGBPixels) -> None:
     fundamental = Localizer(SETTINGS).localize(panorama[:, :1300], noise, model="fundamental")
     with pytest.raises(SettingsError, match="--far-tiles"):
         localize_in_tiles(fundamental, panorama, noise, SETTINGS)
+    known = Localizer(SETTINGS).localize(
+        panorama[:, :1300],
+        noise,
+        intrinsics={"far": [900, 900, 650, 150], "near": [900, 900, 100, 100]},
+        model="homography",
+    )
+    with pytest.raises(SettingsError, match="cameras"):
+        localize_in_tiles(known, panorama[:, :1300], noise, SETTINGS)

@@ -54,11 +54,13 @@ def localize_in_tiles(
 
     Raises:
         ImageError: an image cannot be read.
-        SettingsError: another model than a homography is asked for.
+        SettingsError: another model than a homography is asked for, or a camera is known.
     """
     chosen = settings or Settings()
     if whole.model != "homography":
         raise SettingsError(f"windows of FAR (--far-tiles) give no {MODEL_NAMES[whole.model]}")
+    if whole.intrinsics is not None:
+        raise SettingsError("windows of FAR (--far-tiles) know no cameras: leave these out")
     if whole.localized or chosen.max_size == 0 or max(_size(whole.far)) <= chosen.max_size:
         return whole
     far_image, near_image = (
