@@ -99,8 +99,43 @@ def logo(out: RGBPixels) -> None:
     write(out, "SURVEY", (836, 88), 0.7, 255)
 
 
+def scale_card(out: RGBPixels) -> None:
+    """Draw a photographer's scale card with a ruler."""
+    out[600:690, 60:520] = 240
+    for index in range(21):
+        height = 34 if index % 5 == 0 else 18
+        cv2.line(out, (80 + 20 * index, 600), (80 + 20 * index, 600 + height), (0, 0, 0), 2)
+    write(out, "10 cm   site 4 / layer B", (90, 672), 0.8, 0)
+
+
+def reticle(out: RGBPixels) -> None:
+    """Draw the graduated cross of a telescope or a level."""
+    cv2.line(out, (0, 360), (959, 360), (20, 20, 20), 1)
+    cv2.line(out, (480, 0), (480, 719), (20, 20, 20), 1)
+    for step in range(-9, 10):
+        cv2.line(out, (480 + 48 * step, 352), (480 + 48 * step, 368), (20, 20, 20), 1)
+        cv2.line(out, (472, 360 + 36 * step), (488, 360 + 36 * step), (20, 20, 20), 1)
+    write(out, "x 32", (500, 350), 0.6, 20)
+
+
+def subtitles(out: RGBPixels) -> None:
+    """Draw two lines of subtitles with dark outlines."""
+    for row, text in enumerate(("The harbour was already closed", "when the second ship arrived.")):
+        for width, colour in ((5, 0), (2, 255)):
+            at = (220, 630 + 44 * row)
+            cv2.putText(out, text, at, 0, 1.1, (colour,) * 3, width, cv2.LINE_AA)
+
+
+def border(out: RGBPixels) -> None:
+    """Draw the printed border of a slide or a postcard."""
+    out[:60] = out[-90:] = out[:, :50] = out[:, -50:] = 235
+    cv2.rectangle(out, (50, 60), (909, 629), (90, 70, 40), 3)
+    write(out, "Greetings from the coast  -  No. 1147  -  printed in 1962", (70, 690), 0.8, 60)
+
+
 KINDS: list[Overlay] = [
-    data_bar, app_frame, head_up_display, watermark, letterbox, time_stamp, map_legend, logo
+    data_bar, app_frame, head_up_display, watermark, letterbox, time_stamp, map_legend, logo,
+    scale_card, reticle, subtitles, border,
 ]  # fmt: skip
 
 
