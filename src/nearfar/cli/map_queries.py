@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from nearfar.arrays import Coordinates
+from nearfar.cli.map_answer import best_answer
 from nearfar.cli.options import SearchOptions
 from nearfar.cli.world_text import place_text
 from nearfar.errors import ImageError, NearfarError, SettingsError
 from nearfar.exports import Subject
-from nearfar.exports.map_answer import best_answer
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.kinds import is_video_name
 from nearfar.maps import open_map
