@@ -8,12 +8,14 @@ import numpy as np
 from nearfar.arrays import Coordinates
 from nearfar.constants import Constants
 from nearfar.descriptors import DenseDescriptor
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.methods.adaptive.ambiguity import alternatives
 from nearfar.methods.adaptive.attempt import Attempt
 from nearfar.methods.adaptive.candidates import places
 from nearfar.methods.adaptive.pair import Pair
 from nearfar.models import Agreement, Alternative, Candidate
 from nearfar.verification.agreement import agreement
+from nearfar.verification.conditioning import relative_parallax
 from nearfar.verification.confidence import confidence
 from nearfar.verification.expected_error import with_expected_error
 from nearfar.verification.failures import by_score
@@ -95,17 +97,17 @@ class Checks:
         if model is None or not math.isfinite(best.log10_nfa):
             return 0.0
         inliers = best.estimate.inliers
+        far, near = best.far[inliers], best.near[inliers]
+        cameras = task.cameras if task.model == "pose" else None
+        limits = self._constants
         with pair.timer.stage("verification"):
             _, expected = with_expected_error(
-                model,
-                task.model,
-                best.far[inliers],
-                best.near[inliers],
-                pair.near.size,
-                1.0,
-                self._constants.uncertainty,
-                task.cameras if task.model == "pose" else None,
+                model, task.model, far, near, pair.near.size, 1.0, limits.uncertainty, cameras
             )
+            if expected is not None and isinstance(model, RelativePose):
+                parallax = relative_parallax(model, far, near, *task.cameras)
+                if parallax < limits.acceptance.least_parallax:  # Of one place: no direction.
+                    expected = replace(expected, direction=None)
         return confidence(task.model, best.log10_nfa, expected, task.pixel)
 
     def alternatives(self, pair: Pair, best: Attempt, agrees: Agreement) -> tuple[Alternative, ...]:
