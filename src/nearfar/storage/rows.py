@@ -32,7 +32,7 @@ Row = dict[str, Any]
 """One line of a result file: one case and one method."""
 
 RECORD = "run.json"
-ADDED = ("detector", "matcher", "device")
+ADDED = ("detector", "matcher", "device", "bands", "channels", "allow_mirrored")
 """Settings that nearfar 0.1.0 did not have. Their defaults are left out of the hash of settings, so
 that its rows resume."""
 PART_SECONDS = 10.0
