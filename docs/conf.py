@@ -39,10 +39,10 @@ nitpick_ignore_regex = [
     # In backticks in docstrings, but no names of the reference that the context would resolve.
     (
         "py:obj",
-        r"RelativePose|Keypoints\.of|adaptive|localization\.json|nearfar\.exports\.hloc_files|StorageError",
+        r"RelativePose|Keypoints\.of|ImageMatcher\.\w+|adaptive|localization\.json|nearfar\.exports\.hloc_files|StorageError",
     ),
     # Type variables, and what only benchmarks make.
-    ("py:class", r"nearfar\.methods\.Features|nearfar\.registry\.T|FeatureStore"),
+    ("py:class", r"nearfar\.(methods|features)\.Features|nearfar\.registry\.T|FeatureStore"),
 ]
 
 ARRAY = re.compile(
