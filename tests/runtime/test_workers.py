@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from nearfar.errors import ClusterError
-from nearfar.runtime import cluster
+from nearfar.runtime import cluster, workers
 from nearfar.runtime.workers import Workers
 
 pytest.importorskip("joblib")
@@ -70,6 +70,15 @@ def test_a_worker_that_dies_by_accident_loses_nothing(tmp_path: Path) -> None:
 
 def test_workers_that_keep_much_go_on() -> None:
     assert len(set(Workers(2).run(keep, [310] * 6, gave_up))) == 2
+
+
+@pytest.mark.timeout(60)
+def test_work_that_comes_as_idle_processes_end_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warnings are errors in tests, also those of the thread that collects results."""
+    monkeypatch.setattr(workers, "IDLE_SECONDS", 0.15)
+    for turn in range(30):
+        assert sorted(Workers(2).run(square, range(2), gave_up)) == [0, 1]
+        time.sleep(0.15 - 0.005 * (turn % 6))
 
 
 def test_an_unreachable_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

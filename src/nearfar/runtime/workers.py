@@ -7,6 +7,7 @@ loses only its own task. Joblib's `Parallel` would lose all tasks in work.
 import logging
 import math
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -32,6 +33,8 @@ SUBMITTED_PER_SLOT = 2
 """Number of submitted tasks per slot: one in work, one waiting."""
 AHEAD_PER_SLOT = 32
 """Number of results per slot that may wait for an earlier result."""
+IDLE_SECONDS = 30.0
+"""Time after which an idle local process ends."""
 THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of a local process: one thread each."""
 
@@ -136,7 +139,12 @@ class Workers:
             require(self.extra, "joblib")
             from joblib.externals.loky import get_reusable_executor
 
-            pool = get_reusable_executor(self.jobs, env=THREADS, initializer=_keep_caches)
+            # Loky replaces a process that ended idle just as work came, and says so in the thread
+            # that collects results; where warnings are errors, that thread dies and the run hangs.
+            warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+            pool = get_reusable_executor(
+                self.jobs, timeout=IDLE_SECONDS, env=THREADS, initializer=_keep_caches
+            )
             yield _Pool(pool, lambda: self.jobs)
             return
         require("cluster", "distributed")
