@@ -102,6 +102,19 @@ def test_images_that_exist_are_kept(folders: tuple[Path, Path], tmp_path: Path) 
         make_images(plans, backgrounds, 1)
 
 
+def test_mode_light_changes_values_and_no_place(folders: tuple[Path, Path], tmp_path: Path) -> None:
+    bases, factors = base_pairs(find_pairs(folders[0])), (1.0, 1.5, 2.0)
+    light = plan_cases(bases, tmp_path, modes=("light",), factors=factors, seed=0)
+    conditions = [plan.condition for plan in light]
+    assert conditions == [plan.case.tags["condition"] for plan in light]
+    assert len(set(conditions)) > 1
+    make_images(light, Backgrounds(folders[1]), 0)
+    for plan in light:
+        assert plan.view is not None
+        moved = transform(plan.view.scene_from_photo, plan.base.far_points)
+        np.testing.assert_allclose(plan.case.far_points, moved)
+
+
 def test_bad_input_is_named(folders: tuple[Path, Path], tmp_path: Path) -> None:
     with pytest.raises(BenchmarkError, match="missing"):
         base_pairs(find_pairs(folders[0]), ["missing"])

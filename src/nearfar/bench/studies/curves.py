@@ -237,6 +237,19 @@ def difference_table(strict: Outcomes, seed: int) -> str:
     return _bin_table(strict, titles, columns)
 
 
+def condition_table(results: Sequence[Result]) -> str:
+    """Return, in Markdown, the strict successes of each method by the condition of mode light."""
+    methods, names = by_method(results), sorted({str(each.tags["condition"]) for each in results})
+    lines = []
+    for name in names:
+        own = {
+            method: [bool(each.strict) for each in rows if each.tags["condition"] == name]
+            for method, rows in methods.items()
+        }
+        lines.append([name, *(f"{sum(each)} of {len(each)}" for each in own.values())])
+    return markdown(["condition", *methods], lines)
+
+
 def half_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:
     """Return, in Markdown, the S50 of each method with its interval."""
     lines = [

@@ -1,8 +1,9 @@
 """Cases for curves of success against scale change, from pairs that are related by a homography.
 
 Mode *pairs* uses the pairs as they are. Mode *scale* reduces the far image and sets it into a scene
-of other photographs. Mode *tilt* tilts the far image before that. Each case keeps the real change
-of viewpoint, light and blur of its base pair, and the exactly mapped true points.
+of other photographs. Mode *tilt* tilts the far image before that. Mode *light* is mode scale with a
+far image that was taken under another condition. Each case keeps the real change of viewpoint,
+light and blur of its base pair, and the exactly mapped true points.
 """
 
 import hashlib
@@ -22,14 +23,15 @@ from nearfar.bench.datasets.composites import (
     random_generator,
     random_view,
 )
+from nearfar.bench.datasets.conditions import CONDITIONS, changed
 from nearfar.bench.studies.curves import bin_name
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import scale_change, transform
 from nearfar.imaging.image import read_image
 from nearfar.storage.locations import replaced
 
-Mode = Literal["pairs", "scale", "tilt"]
-MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt")
+Mode = Literal["pairs", "scale", "tilt", "light"]
+MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt", "light")
 FACTORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)
 
 _VERSION = "1"
@@ -46,11 +48,13 @@ class PlannedCase:
         case: the case, with the path of its far image.
         base: the pair that it is made from.
         view: place of the base's far image in the new one; None if it is used as it is.
+        condition: under which the new far image was taken; empty: as it is.
     """
 
     case: Case
     base: Case
     view: View | None
+    condition: str = ""
 
 
 def base_pairs(pairs: Iterable[Case], sets: Sequence[str] = ()) -> list[Case]:
@@ -85,9 +89,9 @@ def plan_cases(
         bases: pairs with a homography.
         folder: folder for the far images.
         modes: kinds of cases.
-        factors: reductions of the far images (modes scale and tilt), at least 1.
-        seed: seed of tilts and places. The random numbers of a case depend on the seed and its
-            name alone.
+        factors: reductions of the far images (all modes but pairs), at least 1.
+        seed: seed of tilts, places and conditions. The random numbers of a case depend on the seed
+            and its name alone.
 
     Raises:
         BenchmarkError: a factor is below 1.
@@ -111,7 +115,9 @@ def plan_cases(
                     tilted=mode == "tilt",
                     rng=random_generator(seed, name, "view"),
                 )
-                planned.append(_made(base, mode, factor, name, view, folder / f"{name}.png"))
+                condition = _condition(seed, name) if mode == "light" else ""
+                file = folder / f"{name}.png"
+                planned.append(_made(base, mode, factor, name, view, file, condition))
     return [plan for plan in planned if plan.case.group]
 
 
@@ -141,6 +147,8 @@ def make_images(plans: Iterable[PlannedCase], backgrounds: Backgrounds | None, s
         rng = random_generator(seed, plan.case.name, "scene")
         scene = backgrounds.collage(plan.view.width, plan.view.height, rng)
         pixels = compose(read_image(plan.base.far).pixels, plan.view, scene)
+        if plan.condition:
+            pixels = changed(pixels, plan.condition, rng)
         file.parent.mkdir(parents=True, exist_ok=True)
         text = PngInfo()
         text.add_text(_KEY, key)
@@ -153,7 +161,14 @@ def _as_it_is(base: Case) -> PlannedCase:
     return PlannedCase(_tagged(base, "pairs", base.name, 1.0, 0.0, name=name), base, None)
 
 
-def _made(base: Case, mode: Mode, factor: float, name: str, view: View, file: Path) -> PlannedCase:
+def _condition(seed: int, name: str) -> str:
+    """Draw the condition of a case."""
+    return str(random_generator(seed, name, "condition").choice(list(CONDITIONS)))
+
+
+def _made(
+    base: Case, mode: Mode, factor: float, name: str, view: View, file: Path, condition: str
+) -> PlannedCase:
     far_points = transform(view.scene_from_photo, base.far_points)
     moved = replace(
         base,
@@ -161,10 +176,20 @@ def _made(base: Case, mode: Mode, factor: float, name: str, view: View, file: Pa
         far_points=far_points,
         scale_change=scale_change(far_points, base.near_points),
     )
-    return PlannedCase(_tagged(moved, mode, base.name, factor, view.tilt, name=name), base, view)
+    case = _tagged(moved, mode, base.name, factor, view.tilt, name=name, condition=condition)
+    return PlannedCase(case, base, view, condition)
 
 
-def _tagged(case: Case, mode: Mode, base: str, factor: float, tilt: float, *, name: str) -> Case:
+def _tagged(
+    case: Case,
+    mode: Mode,
+    base: str,
+    factor: float,
+    tilt: float,
+    *,
+    name: str,
+    condition: str = "",
+) -> Case:
     total = case.scale_change or 0.0
     tags: dict[str, str | float] = {
         "mode": mode,
@@ -173,6 +198,8 @@ def _tagged(case: Case, mode: Mode, base: str, factor: float, tilt: float, *, na
         "tilt": tilt,
         "total_scale": total,
     }
+    if condition:
+        tags["condition"] = condition
     return replace(case, name=name, group=bin_name(total) or "", tags=tags)
 
 
@@ -186,6 +213,7 @@ def _key(plan: PlannedCase, view: View, backgrounds: Backgrounds, seed: int) -> 
         photo,
         backgrounds.digest,
         repr(view.scene_from_photo.tolist()),
+        *([plan.condition] if plan.condition else []),
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
