@@ -32,10 +32,11 @@ def grid() -> Any:
 
 @pytest.mark.parametrize("model", COLMAP_MODELS)
 @settings(max_examples=15, deadline=None)
-@given(focal=st.floats(350, 2000), scale=st.floats(0.05, 1))
+@given(focal=st.floats(400, 2000), scale=st.floats(0.05, 1))
 def test_undistorting_and_distorting_return_to_the_same_pixel(
     model: str, focal: float, scale: float
 ) -> None:
+    """Shorter lenses so bent have no ray for the pixels in the corners."""
     camera = colmap_camera(model, parameters(model, focal, scale))
     undistorted = camera.undistorted(grid())
     assert np.isfinite(undistorted).all()
