@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from nearfar.arrays import Coordinates, RGBPixels
+from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.calibrations import COLMAP_MODELS
+from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 
 NEAR_SIZE = (480, 360)
+FAR_SIZE = (640, 480)
 FAR_FROM_NEAR = np.array([[0.42, -0.02, 165.0], [0.015, 0.41, 80.0], [1e-5, -2e-5, 1.0]])
 """From undistorted pixels of the near camera to those of the far one."""
 TERMS = (-0.12, 0.03, 0.001, -0.002, 0.004, 0.02, -0.01, 0.003)
@@ -50,6 +52,64 @@ def photographed(far: CameraIntrinsics | None, near: CameraIntrinsics | None) ->
     at = _grid(width, height)
     in_far = transform(FAR_FROM_NEAR, at if near is None else near.undistorted(at))
     return Pair(far_pixels, _warped(scene, in_far, width), cameras)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A photograph of two planes at different depths, taken from two places.
+
+    Attributes:
+        far: pixels of the far image.
+        near: pixels of the near image.
+        pose: true pose, from the near to the far camera.
+    """
+
+    far: RGBPixels
+    near: RGBPixels
+    pose: RelativePose
+
+
+OBLIQUE = (0.2, -0.1, 0.3), (1.0, 1.4, 3.0)
+"""Rotation vector and place of a near camera that looks elsewhere than the far one."""
+
+
+def two_planes(
+    far: CameraIntrinsics,
+    near: CameraIntrinsics,
+    motion: tuple[tuple[float, ...], tuple[float, ...]] = ((0.04, -0.12, 0.06), (0.8, -0.3, 4.5)),
+) -> Scene:
+    """Return what two cameras see of a photograph on a wall, before which another one stands.
+
+    Args:
+        far: camera of the far image, for images of its size.
+        near: camera of the near image, for images of its size.
+        motion: rotation vector and place of the near camera.
+    """
+    turned, centre = cv2.Rodrigues(np.array(motion[0]))[0], np.array(motion[1])
+    seen = _planes(far, np.eye(3), np.zeros(3))
+    pose = RelativePose(turned, centre / np.linalg.norm(centre))
+    return Scene(seen, _planes(near, turned, centre), pose)
+
+
+def _planes(camera: CameraIntrinsics, world_from_camera: Matrix3, centre: Coordinates) -> RGBPixels:
+    """Return the wall 10 before the far camera, and what stands at 6.5, through a camera."""
+    from skimage import data
+
+    assert camera.size is not None
+    width, height = camera.size
+    pixels = camera.undistorted(_grid(width, height))
+    directions = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    rays = np.column_stack([directions, np.ones(len(directions))]) @ world_from_camera.T
+    shown = np.zeros((height, width, 3), np.uint8)
+    for scene, depth, side, middle in (
+        (data.astronaut(), 10.0, 14.0, (0.0, 0.0)),
+        (data.coffee()[:400, :400], 6.5, 3.2, (-0.6, 0.5)),
+    ):
+        at = centre + rays * ((depth - centre[2]) / rays[:, 2:])
+        places = (at[:, :2] - middle) / side * len(scene) + len(scene) / 2
+        inside = ((places >= 0) & (places <= len(scene) - 1)).all(1).reshape(height, width)
+        shown[inside] = _warped(scene, places, width)[inside]
+    return shown
 
 
 def _grid(width: int, height: int) -> Coordinates:

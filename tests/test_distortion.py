@@ -8,12 +8,23 @@ import pytest
 
 from nearfar import Localization, Localizer, read_images, save_localization
 from nearfar.arrays import Coordinates
-from nearfar.errors import LocalizationError
+from nearfar.errors import IntrinsicsError, LocalizationError
 from nearfar.geometry.calibrations import COLMAP_MODELS, colmap_camera
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.errors import direction_angle, rotation_angle
 from nearfar.geometry.homography import transform
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.imaging.undistorted import sides
-from tests.distortion import NEAR_SIZE, Pair, parameters, photographed
+from tests.distortion import (
+    FAR_SIZE,
+    NEAR_SIZE,
+    OBLIQUE,
+    Pair,
+    Scene,
+    parameters,
+    photographed,
+    two_planes,
+)
 
 pytest.importorskip("skimage")
 BENT = [name for name, (_, _, terms) in COLMAP_MODELS.items() if terms or "FISHEYE" in name]
@@ -58,6 +69,50 @@ def test_both_lenses_are_undone(localizer: Localizer) -> None:
     hull = found.expected_error.region.hull
     used = points.near[points.inliers]
     np.testing.assert_allclose([hull.min(0), hull.max(0)], [used.min(0), used.max(0)], atol=8)
+
+
+def pose_errors(found: Localization, scene: Scene) -> tuple[float, float]:
+    """Errors of the rotation and of the direction of a pose, in degrees."""
+    pose = found.far_from_near
+    assert isinstance(pose, RelativePose), found.reason
+    return (
+        rotation_angle(pose.rotation, scene.pose.rotation),
+        direction_angle(pose.translation, scene.pose.translation),
+    )
+
+
+@pytest.mark.parametrize("model", ["OPENCV", "OPENCV_FISHEYE"])
+def test_the_pose_of_cameras_with_distortion_is_right(model: str, localizer: Localizer) -> None:
+    terms = [500, 500, 320, 240, -0.1, 0.02, 0.0005, -0.0003]
+    far = colmap_camera("OPENCV", terms, FAR_SIZE)
+    near = colmap_camera(model, parameters(model), NEAR_SIZE)
+    scene = two_planes(far, near)
+    found = localizer.localize(scene.far, scene.near, intrinsics=Intrinsics(far, near))
+    assert max(pose_errors(found, scene)) < 0.2
+
+
+def test_the_focal_length_of_one_camera_is_estimated(localizer: Localizer) -> None:
+    camera = CameraIntrinsics(400, 400, 239.5, 179.5, size=NEAR_SIZE)
+    scene = two_planes(camera, camera, OBLIQUE)
+    found = localizer.localize(scene.far, scene.near, intrinsics="estimate")
+    assert max(pose_errors(found, scene)) < 1
+    assert found.intrinsics is not None
+    assert found.intrinsics.far is not None
+    assert found.intrinsics.far.origin == "estimated"
+    assert found.intrinsics.far.fx == pytest.approx(400, rel=0.03)
+    assert Localization.from_dict(found.to_dict()).intrinsics == found.intrinsics
+
+
+def test_one_plane_leaves_the_focal_length_open(localizer: Localizer) -> None:
+    pair = photographed(None, None)
+    found = localizer.localize(pair.far, pair.near, intrinsics="estimate")
+    assert (found.status, found.model, found.failure) == ("failed", "pose", "plane")
+    assert found.reason is not None
+    assert found.reason.startswith("no focal length: ")
+    with pytest.raises(IntrinsicsError, match="both images share"):
+        localizer.localize(pair.far, pair.near, intrinsics={"far": "estimate", "near": None})
+    with pytest.raises(IntrinsicsError, match="a pose alone"):
+        localizer.localize(pair.far, pair.near, model="homography", intrinsics="estimate")
 
 
 def test_without_distortion_nothing_changes(localizer: Localizer) -> None:

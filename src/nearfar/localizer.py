@@ -18,12 +18,14 @@ from nearfar.coordinates import (
 )
 from nearfar.descriptors import DESCRIPTORS
 from nearfar.errors import IntrinsicsError, SettingsError
+from nearfar.estimated_cameras import estimated_cameras, without_focal_length
 from nearfar.estimators import ESTIMATORS
 from nearfar.features import DETECTORS, MATCHERS
-from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
+from nearfar.geometry.camera_files import GivenCameras, IntrinsicsSource, read_cameras
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, scale_change, transform
 from nearfar.geometry.intrinsics import Intrinsics
+from nearfar.imaging.exif import cameras_of
 from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.imaging.mask import MaskSource
 from nearfar.imaging.undistorted import View, view_of
@@ -103,7 +105,7 @@ class Localizer:
         near: ImageSource,
         *,
         model: ModelKind | None = None,
-        intrinsics: IntrinsicsSource | None = None,
+        intrinsics: IntrinsicsSource | GivenCameras | None = None,
         expected: Sequence[Matrix3] = (),
         far_mask: MaskSource | None = None,
         near_mask: MaskSource | None = None,
@@ -118,6 +120,8 @@ class Localizer:
             model: kind of model; where None, pose with the intrinsics of both cameras, and
                 homography without.
             intrinsics: cameras, see `read_intrinsics`; their distortion is undone for every model.
+                "exif" in the place of a camera reads its focal length from the EXIF tags of the
+                image; "estimate" estimates one that both images share, for a pose.
             expected: approximate `far_from_near`, homographies between the original images, that
                 are tried before any other guess; only the method `adaptive` uses them.
             far_mask: file or array as large as the far image, 0 where it must not be used, as on
@@ -131,16 +135,27 @@ class Localizer:
 
         Raises:
             ImageError: an image or a mask cannot be read, or a mask has another size.
-            IntrinsicsError: the intrinsics are not valid, or a pose is asked for without any.
+            IntrinsicsError: the intrinsics are not valid, a pose is asked for without any, or an
+                image names no focal length.
             SettingsError: the method takes no masks, the model is unknown, `expected` holds what is
                 no homography, or a plug-in returned another number of inlier flags than of
                 matches.
         """
-        known = None if intrinsics is None else read_intrinsics(intrinsics)
-        kind = _model_kind(model, known)
+        given = GivenCameras(None, None) if intrinsics is None else read_cameras(intrinsics)
+        kind = _model_kind(model, given)
         timer = StageTimer(watcher)
         with timer.stage("reading"):
             far_image, near_image = self._read(far, far_mask), self._read(near, near_mask)
+            known = cameras_of(given, far_image, near_image)
+        if given.estimated:
+            with_points = self._found(
+                self._method, Task("fundamental"), far_image, near_image, timer
+            )
+            estimated = estimated_cameras(with_points, self.settings)
+            if estimated is None:
+                return without_focal_length(with_points)
+            known = estimated
+        with timer.stage("reading"):
             far_view, near_view = self._views(known, far_image, near_image)
         task = _task(kind, far_view, near_view, expected)
         found = self._found(self._method, task, far_view.image, near_view.image, timer)
@@ -196,9 +211,8 @@ class Localizer:
             channels=settings.channels,
         )
 
-    def _views(self, known: Intrinsics | None, far: Image, near: Image) -> tuple[View, View]:
+    def _views(self, cameras: Intrinsics, far: Image, near: Image) -> tuple[View, View]:
         """Return both images without distortion, where their cameras are known."""
-        cameras = Intrinsics(None, None) if known is None else known
         masked = hasattr(self._method, "masked")
         pairs = (("far", cameras.far, far), ("near", cameras.near, near))
         far_view, near_view = (
@@ -326,7 +340,7 @@ def localize(
     near: ImageSource,
     *,
     model: ModelKind | None = None,
-    intrinsics: IntrinsicsSource | None = None,
+    intrinsics: IntrinsicsSource | GivenCameras | None = None,
     method: str | None = None,
     **options: Any,
 ) -> Localization:
@@ -340,7 +354,7 @@ def localize(
         model: "homography", "fundamental" or "pose"; where None, pose with intrinsics and
             homography without.
         intrinsics: file, mapping {"far": [fx, fy, cx, cy], "near": [...]} or `Intrinsics`, in
-            pixels of the original images.
+            pixels of the original images; "exif" or "estimate", see `Localizer.localize`.
         method: name of the method; where None, the default of `Settings`.
         **options: further `Settings` by name.
 
@@ -391,14 +405,17 @@ def _false_alarms(answer: Answer, kind: ModelKind, far: Image) -> float:
     )
 
 
-def _model_kind(model: ModelKind | None, intrinsics: Intrinsics | None) -> ModelKind:
-    both = intrinsics is not None and intrinsics.both is not None
+def _model_kind(model: ModelKind | None, cameras: GivenCameras) -> ModelKind:
     if model is None:
-        return "pose" if both else "homography"
+        return "pose" if cameras.both else "homography"
     if model not in MODEL_KINDS:
         raise SettingsError(f"model must be one of {', '.join(MODEL_KINDS)}, not {model!r}")
-    if model == "pose" and not both:
-        raise IntrinsicsError("a pose needs intrinsics of both cameras (--intrinsics FILE)")
+    if model == "pose" and not cameras.both:
+        raise IntrinsicsError(
+            "a pose needs intrinsics of both cameras (--intrinsics FILE, exif or estimate)"
+        )
+    if model != "pose" and cameras.estimated:
+        raise IntrinsicsError("a focal length is estimated for a pose alone (--model pose)")
     return model
 
 

@@ -164,6 +164,29 @@ def test_images_that_cannot_be_read(known_files: Files, tmp_path: Path) -> None:
     assert_bad_input(nearfar("localize", far, near, "--max-pixels", 1000), "--max-pixels")
 
 
+def test_cameras_are_read_from_exif(known_files: Files, tmp_path: Path) -> None:
+    far, near = known_files
+    photo = tmp_path / "near.jpg"
+    exif = PillowImage.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 50
+    with PillowImage.open(near) as opened:
+        opened.convert("RGB").save(photo, quality=95, exif=exif)
+        focal = 50 * np.hypot(*opened.size) / np.hypot(36, 24)
+    options = ("--max-effort", "points")
+    result = nearfar("localize", far, photo, *options, "--near-camera", "exif")
+    assert result.returncode == 0, result.stderr
+    assert f"focal length of the near camera: {focal:.1f} pixels, by EXIF" in result.stdout
+    out = tmp_path / "out.jsonl"
+    many = nearfar("localize", far, photo, *options, "--near-camera", "exif", "--out", out)
+    assert many.returncode == 0, many.stderr
+    camera = json.loads(out.read_text())["intrinsics"]["near"]
+    assert (camera["origin"], camera["fx"]) == ("exif", pytest.approx(focal))
+    assert_bad_input(
+        nearfar("localize", far, near, *options, "--intrinsics", "exif"),
+        "names no focal length in 35 mm film",
+    )
+
+
 @pytest.mark.parametrize(
     "content",
     [

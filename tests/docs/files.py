@@ -28,6 +28,8 @@ POSES = {
     "query": Pose.of(0.3, 0.1, -2.8, -1),
 }
 """Of the cameras that look into a room."""
+FILM = 31
+"""Focal length of these cameras in 35 mm film."""
 
 
 def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
@@ -43,7 +45,7 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
     views = {name: reduced(pixels, 2) for name, pixels in large.items()}
     for name, pixels in {**views, "overview": pair.far, "closeup": pair.near}.items():
         for suffix in ("jpg", "png"):
-            write(folder / f"{name}.{suffix}", pixels)
+            write(folder / f"{name}.{suffix}", pixels, FILM if name in views else 0)
     for name in ("far", "near"):
         mask = np.full_like(views[name], 255)
         mask[:20, :40] = 0
@@ -65,9 +67,14 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
     nearfar.open_map(folder / "MAP", create=True)
 
 
-def write(file: Path, pixels: RGBPixels) -> None:
+def write(file: Path, pixels: RGBPixels, film: int = 0) -> None:
+    """Write an image, with a focal length in 35 mm film."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    PillowImage.fromarray(pixels).save(file, quality=95)
+    exif = PillowImage.Exif()
+    if film:
+        exif[0x010F] = "nearfar"
+        exif.get_ifd(0x8769)[0xA405] = film
+    PillowImage.fromarray(pixels).save(file, quality=95, exif=exif)
 
 
 def reduced(pixels: RGBPixels, times: int) -> RGBPixels:

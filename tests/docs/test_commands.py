@@ -29,6 +29,9 @@ KINDS = ("console", "python", "json", "text")
 MANY_FACTORS = "takes ten seconds; tests/bench/test_scale_curve.py does it with fewer factors"
 NOT_RUN = {
     "nearfar demo": "takes ten seconds, in tests/cli/test_demo.py",
+    "nearfar localize far.png near.png --intrinsics estimate": (
+        "needs cameras that look in different directions, in tests/test_distortion.py"
+    ),
     "nearfar weights fetch resnet50": "98 MB from the network",
     "nearfar localize far.png near.png --method paper --descriptor resnet50-res3d@64": (
         "needs weights of 98 MB"

@@ -14,8 +14,7 @@ from nearfar.batch.answers import PairAnswer
 from nearfar.batch.pairs import Pair, distinct_names
 from nearfar.errors import SettingsError
 from nearfar.exports import Subject, export_all, exporter
-from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
-from nearfar.geometry.intrinsics import Intrinsics
+from nearfar.geometry.camera_files import GivenCameras, IntrinsicsSource, read_cameras
 from nearfar.localizer import Localizer
 from nearfar.models import ModelKind
 from nearfar.runtime import logs
@@ -47,7 +46,7 @@ class BatchWork:
 
     settings: Settings
     model: ModelKind | None = None
-    intrinsics: Intrinsics | None = None
+    intrinsics: GivenCameras | None = None
     far_mask: Path | None = None
     far_tiles: bool = False
     exports: tuple[str, ...] = ()
@@ -55,13 +54,11 @@ class BatchWork:
 
     def key(self) -> str:
         """Return a short hash of all that changes the answers."""
-        cameras = self.intrinsics or Intrinsics(None, None)
+        cameras = self.intrinsics or GivenCameras(None, None)
         content = {
             "settings": settings_table(self.settings),
             "model": self.model,
-            "cameras": [
-                None if each is None else each.to_dict() for each in (cameras.far, cameras.near)
-            ],
+            "cameras": cameras.to_list(),
             "far_mask": None if self.far_mask is None else str(self.far_mask),
             "far_tiles": self.far_tiles,
         }
@@ -80,7 +77,7 @@ def localize_pairs(
     settings: Settings | None = None,
     *,
     model: ModelKind | None = None,
-    intrinsics: IntrinsicsSource | None = None,
+    intrinsics: IntrinsicsSource | GivenCameras | None = None,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
     scheduler: str | None = None,
@@ -95,7 +92,7 @@ def localize_pairs(
         settings: the settings; the defaults where None.
         model: "homography", "fundamental" or "pose"; where None, pose with the intrinsics of both
             cameras, and homography without.
-        intrinsics: cameras of all pairs, see `read_intrinsics`.
+        intrinsics: cameras of all pairs, see `Localizer.localize`.
         out: result file, JSON Lines, whose name ends in .jsonl. A line is on the disk before its
             answer is yielded. Pairs that have a line are not localized again: their answers are
             read back, without matches.
@@ -115,7 +112,7 @@ def localize_pairs(
     chosen = (settings or Settings()).replace(**options)
     if jobs < 1:
         raise SettingsError(f"jobs must be at least 1, not {jobs}")
-    known = None if intrinsics is None else read_intrinsics(intrinsics)
+    known = None if intrinsics is None else read_cameras(intrinsics)
     files = list(dict.fromkeys(Pair(Path(far), Path(near)) for far, near in pairs))
     file = None if out is None else Path(out)
     return run(files, BatchWork(chosen, model, known), file, Workers(jobs, scheduler))

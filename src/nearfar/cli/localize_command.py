@@ -29,7 +29,7 @@ from nearfar.cli.world_text import corners_text, place_text
 from nearfar.errors import ImageError, MissingExtraError, SettingsError
 from nearfar.exports import Exported, Subject, export_all, exporter
 from nearfar.exports.ground import place_of
-from nearfar.geometry.camera_files import IntrinsicsSource, read_intrinsics
+from nearfar.geometry.camera_files import IntrinsicsSource, read_cameras
 from nearfar.geometry.intrinsics import Intrinsics
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
@@ -122,7 +122,8 @@ def localize_command(
         intrinsics: The camera that took both images. It is a file of COLMAP, OpenCV, ROS, Kalibr or
             KITTI, or a model of COLMAP such as OPENCV:fx,fy,cx,cy,k1,k2,p1,p2. FILE#NAME chooses
             one of several cameras. A JSON file may hold two cameras: {"far": [fx, fy, cx, cy],
-            "near": [fx, fy, cx, cy]}.
+            "near": [fx, fy, cx, cy]}. exif reads the focal lengths from the photographs, and
+            estimate estimates one that both share.
         far_camera: The camera that took FAR, as in --intrinsics. Distortion is undone.
         near_camera: The camera that took NEAR, as in --intrinsics. Distortion is undone.
         far_mask: Image as large as FAR, black where it must not be used.
@@ -153,7 +154,7 @@ def localize_command(
         if dem is not None:
             raise SettingsError("--dem is for one pair: leave it out for many")
         _check_options(batch, far_mask, near_mask, top)
-        known = None if cameras is None else read_intrinsics(cameras)
+        known = None if cameras is None else read_cameras(cameras)
         how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save)
         return localize_batch(batch.read(far, near), how, work, batch.out, save)
     if far is None or not near:
@@ -253,7 +254,7 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
         lines.append(f"scale change: {found.scale_change:.2f}x")
     if found.footprint is not None:
         lines.append(f"outline of the near image in the far image: {_corners(found.footprint)}")
-    lines += _on_earth(found)
+    lines += _focal_lengths(found) + _on_earth(found)
     if found.expected_error is not None:
         lines.append(_expected(found.expected_error))
     model = found.to_dict()["far_from_near"]
@@ -265,6 +266,17 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
     lines.append(f"{total:.2f} s ({stages})")
     lines += [f"saved {path}" for path in saved]
     return "\n".join(lines)
+
+
+def _focal_lengths(found: Localization) -> list[str]:
+    """Return a line for each camera that no calibration gave."""
+    known = found.intrinsics or Intrinsics(None, None)
+    sources = {"exif": "by EXIF", "estimated": "estimated"}
+    return [
+        f"focal length of the {name} camera: {camera.fx:.1f} pixels, {sources[camera.origin]}"
+        for name, camera in (("far", known.far), ("near", known.near))
+        if camera is not None and camera.origin in sources
+    ]
 
 
 def _on_earth(found: Localization) -> list[str]:

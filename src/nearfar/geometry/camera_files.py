@@ -3,8 +3,9 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeGuard, get_args
 
 from nearfar.errors import IntrinsicsError
 from nearfar.geometry.calibrations import (
@@ -27,10 +28,83 @@ IntrinsicsSource = Intrinsics | str | os.PathLike[str] | Mapping[str, Any]
 """`Intrinsics`, one camera of both images, or {"far": camera, "near": camera}; see
 `read_intrinsics`."""
 
+CameraRequest = Literal["exif", "estimate"]
+"""Where a camera is found that is not given: in the EXIF tags of its image, or in the matches."""
+
 CameraRole = Literal["map", "query"]
 _PAIR_ROLES: dict[CameraRole, str] = {"map": "far", "query": "near"}
 _INLINE = re.compile(r"([A-Z][A-Z_0-9]*):([-+0-9.,eE\s]+)")
 _PAIR = '{"far": [fx, fy, cx, cy], "near": [fx, fy, cx, cy]}'
+
+
+@dataclass(frozen=True)
+class GivenCameras:
+    """The cameras of a pair as they are given, before the images are read.
+
+    Attributes:
+        far: camera of the far image, or where it is found; None where it is not known.
+        near: the same of the near image.
+
+    Raises:
+        IntrinsicsError: the focal length of one image alone is to be estimated.
+    """
+
+    far: CameraIntrinsics | CameraRequest | None
+    near: CameraIntrinsics | CameraRequest | None
+
+    def __post_init__(self) -> None:
+        if (self.far == "estimate") != (self.near == "estimate"):
+            raise IntrinsicsError(
+                "only a focal length that both images share can be estimated: use estimate for "
+                "both (--intrinsics estimate)"
+            )
+
+    @property
+    def estimated(self) -> bool:
+        """Whether the focal length is to be estimated from the matches."""
+        return self.far == "estimate"
+
+    @property
+    def both(self) -> bool:
+        """Whether both cameras will be known, so that a pose can be estimated."""
+        return self.far is not None and self.near is not None
+
+    def to_list(self) -> list[Any]:
+        """Return the far and the near camera as JSON values."""
+        return [
+            each.to_dict() if isinstance(each, CameraIntrinsics) else each
+            for each in (self.far, self.near)
+        ]
+
+
+def read_cameras(source: "IntrinsicsSource | GivenCameras") -> GivenCameras:
+    """Read the cameras of a pair, of which some may be found with the images.
+
+    Args:
+        source: see `read_intrinsics`. The texts "exif" and "estimate" may stand for a camera.
+
+    Raises:
+        IntrinsicsError: the file cannot be read, or its values are not valid intrinsics.
+    """
+    if isinstance(source, GivenCameras):
+        return source
+    if isinstance(source, Intrinsics):
+        return GivenCameras(source.far, source.near)
+    name, content = _content(source)
+    if isinstance(content, CameraIntrinsics) or is_request(content):
+        return GivenCameras(content, content)
+    if isinstance(content, Mapping) and not {"far", "near", "map", "query"} & set(content):
+        camera = _chosen(cameras_of_mapping(content), None, name)
+        return GivenCameras(camera, camera)
+    if not isinstance(content, Mapping) or set(content) != {"far", "near"}:
+        raise IntrinsicsError(f"{name} must hold {_PAIR}")
+    far, near = (
+        content[key]
+        if content[key] is None or is_request(content[key])
+        else _camera(content[key], name)
+        for key in _SIDES
+    )
+    return GivenCameras(far, near)
 
 
 def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
@@ -42,20 +116,18 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
             camera that took both images, as text or file.
 
     Raises:
-        IntrinsicsError: the file cannot be read, or its values are not valid intrinsics.
+        IntrinsicsError: the file cannot be read, its values are not valid intrinsics, or a camera
+            is to be found with its image.
     """
-    if isinstance(source, Intrinsics):
-        return source
-    name, content = _content(source)
-    if isinstance(content, CameraIntrinsics):
-        return Intrinsics(content, content)
-    if isinstance(content, Mapping) and not {"far", "near", "map", "query"} & set(content):
-        camera = _chosen(cameras_of_mapping(content), None, name)
-        return Intrinsics(camera, camera)
-    if not isinstance(content, Mapping) or set(content) != {"far", "near"}:
-        raise IntrinsicsError(f"{name} must hold {_PAIR}")
-    far, near = (None if content[key] is None else _camera(content[key], name) for key in _SIDES)
-    return Intrinsics(far, near)
+    given = read_cameras(source)
+    if isinstance(given.far, str) or isinstance(given.near, str):
+        raise IntrinsicsError("exif and estimate need the images: give them to localize")
+    return Intrinsics(given.far, given.near)
+
+
+def is_request(source: Any) -> TypeGuard[CameraRequest]:
+    """Return whether a text names where a camera is found instead of a camera."""
+    return isinstance(source, str) and source in get_args(CameraRequest)
 
 
 _SIDES = ("far", "near")
@@ -108,6 +180,8 @@ def _camera(source: Any, name: str) -> CameraIntrinsics:
 def _content(source: Any) -> tuple[str, Any]:
     """Return how a source is called in messages, and its camera or mapping."""
     if isinstance(source, CameraIntrinsics):
+        return "the camera", source
+    if is_request(source):
         return "the camera", source
     if isinstance(source, str | os.PathLike):
         inline = _INLINE.fullmatch(str(source).strip())

@@ -163,7 +163,7 @@ def _decode_with_gdal(
 
 def _decode(path: Path, max_pixels: int, tiff: TiffHeader | None, start: bytes) -> NDArray[Any]:
     """Return the pixels of a file as displayed, 8 or 16 bits, with 1, 3 or 4 channels."""
-    formats = (_register_heif(path),) if is_heif(start) else FORMATS
+    formats = (register_heif(path),) if is_heif(start) else FORMATS
     # Pillow would map a file that it is given by name, and read TIFFs stored turned as garbage.
     with (
         quiet_pillow(),
@@ -188,7 +188,7 @@ def _as_tiff_says(stored: NDArray[Any], tiff: TiffHeader) -> NDArray[Any]:
     return stored
 
 
-def _register_heif(path: Path) -> str:
+def register_heif(path: Path) -> str:
     """Make Pillow read HEIC files, and return the name of their format.
 
     Raises:
