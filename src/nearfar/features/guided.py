@@ -29,13 +29,16 @@ class Gate:
     angle: float
 
 
-def nearest_within(far: Keypoints, near: Keypoints, gate: Gate) -> tuple[Nearest, Nearest]:
+def nearest_within(
+    far: Keypoints, near: Keypoints, gate: Gate, cell: float = SMALLEST_CELL
+) -> tuple[Nearest, Nearest]:
     """Return nearest neighbours among the pairs of keypoints that a gate lets pass.
 
     Args:
         far: N keypoints of the far image, in a common frame.
         near: M keypoints of the near image, in the same frame.
         gate: largest differences of a pair.
+        cell: least side of the grid cells in pixels; larger ones are faster for few keypoints.
 
     Returns:
         Neighbours of the N far keypoints, and of the M near keypoints.
@@ -43,7 +46,7 @@ def nearest_within(far: Keypoints, near: Keypoints, gate: Gate) -> tuple[Nearest
     of_far, of_near = Nearest.none(len(far)), Nearest.none(len(near))
     if not len(far) or not len(near):
         return of_far, of_near
-    side = max(gate.radius, SMALLEST_CELL)
+    side = max(gate.radius, cell)
     far_cells, near_cells = _by_cell(far, side), _by_cell(near, side)
     for (column, row), far_index in far_cells.items():
         around = [

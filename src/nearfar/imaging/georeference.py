@@ -85,6 +85,17 @@ class Georeference:
         return found if np.isfinite(found).all() else None
 
 
+def is_geographic(name: str) -> bool:
+    """Return whether the unit of a coordinate system is the degree.
+
+    Args:
+        name: "EPSG:...", WKT or "unknown", as `Georeference.name` gives it.
+    """
+    from rasterio.crs import CRS
+
+    return name != UNKNOWN_CRS and bool(CRS.from_user_input(name).is_geographic)
+
+
 def georeference(file: Path) -> Georeference | None:
     """Return the georeference of an image file; None where it has none.
 

@@ -92,6 +92,8 @@ class MapLocator:
         candidates: int,
         camera: CameraIntrinsics | None = None,
         mask: MaskSource | None = None,
+        *,
+        simulated_views: bool = True,
     ) -> MapLocalization:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
@@ -110,7 +112,7 @@ class MapLocator:
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
-        for views in ((FRONTAL,), TILTED):
+        for views in ((FRONTAL,), TILTED) if simulated_views else ((FRONTAL,),):
             waiting = self._candidates(query, views, most, timer)
             seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._poses, seen, camera)

@@ -97,6 +97,7 @@ class Map:
         candidates: int = CANDIDATES,
         intrinsics: CameraSource | None = None,
         mask: MaskSource | None = None,
+        simulated_views: bool = True,
     ) -> MapLocalization:
         """Find where an image lies in the map.
 
@@ -109,6 +110,8 @@ class Map:
                 images whose poses are known, the result has the pose of the image.
             mask: file or array as large as the image, 0 where it must not be used. Transparent
                 pixels are not used either.
+            simulated_views: whether to search again with simulated views of the image where no
+                answer is confident, which takes several times as long.
 
         Returns:
             The answers, best first; without answers where the image was not found.
@@ -125,7 +128,9 @@ class Map:
         if self._locator is None:
             self._locator = MapLocator(self._store, self.settings)
         camera = None if intrinsics is None else read_camera(intrinsics, "query")
-        return self._locator.locate(image, top, candidates, camera, mask)
+        return self._locator.locate(
+            image, top, candidates, camera, mask, simulated_views=simulated_views
+        )
 
     def add(
         self,

@@ -4,6 +4,7 @@ A map image that names its place by GeoTIFF tags, a world file, control points o
 georeferenced.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Matrix3
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.georeference import Georeference, georeference
+from nearfar.imaging.georeference import Georeference, georeference, is_geographic
 from nearfar.localization import mapped_points
 from nearfar.undistortion import outline_in_far
 
@@ -52,6 +53,14 @@ class GeoOutline:
     def to_dict(self) -> dict[str, Any]:
         """Return the outline as JSON values."""
         return {"footprint": self.footprint.tolist(), "centre": self.centre.tolist()}
+
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> "GeoOutline":
+        """Return the outline that `to_dict` has written."""
+        footprint, centre = (
+            np.array(content[name], np.float64) for name in ("footprint", "centre")
+        )
+        return GeoOutline(footprint, centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +108,20 @@ class GeoPlace:
             "resolution": self.resolution,
         }
 
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> "GeoPlace":
+        """Return the position that `to_dict` has written; its unit is taken from its `crs`."""
+        on_earth = content["longitude_latitude"]
+        return GeoPlace(
+            content["crs"],
+            GeoOutline.from_dict(content),
+            None if on_earth is None else GeoOutline.from_dict(on_earth),
+            content["error"],
+            content["heading"],
+            content["resolution"],
+            is_geographic(content["crs"]),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class QueryPose:
@@ -140,6 +163,21 @@ class QueryPose:
             "images": list(self.images),
         }
 
+    @staticmethod
+    def from_dict(content: Mapping[str, Any]) -> "QueryPose":
+        """Return the pose that `to_dict` has written."""
+        pose, direction = content["world_from_query"], content["direction"]
+        centre = pose["translation"]
+        return QueryPose(
+            content["world"],
+            np.array(pose["rotation"], np.float64),
+            None if centre is None else np.array(centre, np.float64),
+            None if direction is None else np.array(direction, np.float64),
+            content["source"],
+            int(content["inliers"]),
+            tuple(content["images"]),
+        )
+
 
 def geo_place(
     file: Path,
@@ -164,10 +202,24 @@ def geo_place(
         ImageError: the file cannot be read, or an orientation tag turns it.
         MissingExtraError: the extra `geo` is not installed.
     """
+    place = georeference(file)
+    return None if place is None else geo_place_in(place, map_from_query, size, cameras, expected)
+
+
+def geo_place_in(
+    place: Georeference,
+    map_from_query: Matrix3,
+    size: tuple[int, int],
+    cameras: Intrinsics | None = None,
+    expected: float | None = None,
+) -> GeoPlace | None:
+    """Locate a query on the Earth by a homography to an image of known georeference.
+
+    See `geo_place`.
+    """
     known = cameras or Intrinsics(None, None)
     outline = outline_in_far(map_from_query, known, *size)
-    place = None if outline is None else georeference(file)
-    if outline is None or place is None:
+    if outline is None:
         return None
     middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     step = min(size) * STEP

@@ -1,0 +1,6 @@
+"""A camera followed through a map. Needs the extra `map`."""
+
+from nearfar.tracking.state import TrackState
+from nearfar.tracking.tracker import Tracker
+
+__all__ = ["TrackState", "Tracker"]

@@ -1,0 +1,166 @@
+"""Smoothing: the whole path after the journey, by robust least squares. Needs SciPy.
+
+Each number of a place is a sequence of its own. A smooth path minimizes the squared differences
+from the measurements, in standard deviations, and the squared accelerations. Measurements that the
+others contradict get less weight (Huber's loss, by repeated weighting).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from nearfar.geometry.homography import footprint
+from nearfar.runtime import require
+from nearfar.tracking.place import Array, covariance_of, half_diagonal, moved
+from nearfar.tracking.state import TrackState
+
+HUBER = 2.0
+"""Standard deviations from which on a measurement's pull no longer grows."""
+ROUNDS = 10
+"""Rounds of weighting."""
+LEAST_DEVIATION = 1e-3
+"""Least standard deviation of an acceleration, as a share of that of the measurements."""
+
+
+def smoothed(states: Sequence[TrackState]) -> list[TrackState]:
+    """Return the states with smooth places; frames between matched ones get one, too.
+
+    Frames before the first and after the last match of a map image keep their states, as do poses.
+
+    Args:
+        states: of the whole journey, in order.
+
+    Raises:
+        MissingExtraError: SciPy is not installed (extra `bench`).
+    """
+    require("bench", "scipy")
+    found = list(states)
+    for first, last in _runs(states):
+        found[first:last] = _smooth_run(states[first:last])
+    return found
+
+
+def _runs(states: Sequence[TrackState]) -> list[tuple[int, int]]:
+    """Return first and past-the-last index of the runs between matches in one map image."""
+    runs: list[tuple[int, int]] = []
+    known = [k for k, each in enumerate(states) if each.known and each.far_from_near is not None]
+    begin = 0
+    for position, index in enumerate(known):
+        after = known[position + 1] if position + 1 < len(known) else None
+        if after is None or states[after].image != states[index].image:
+            if position > begin:
+                runs.append((known[begin], index + 1))
+            begin = position + 1
+    return runs
+
+
+def _smooth_run(states: Sequence[TrackState]) -> list[TrackState]:
+    times = np.array([each.time for each in states])
+    matched = [k for k, each in enumerate(states) if each.known]
+    places = np.array([states[k].place for k in matched])
+    places[:, 3] = np.unwrap(places[:, 3])
+    variances = np.array([_variance_of(states[k]) for k in matched])
+    columns = [
+        smooth_sequence(times, np.array(matched), places[:, k], variances[:, k]) for k in range(4)
+    ]
+    values = np.column_stack([each[0] for each in columns])
+    left = np.column_stack([each[1] for each in columns])
+    models = [states[matched[_before(matched, k)]] for k in range(len(states))]
+    return [
+        _at(each, model, values[k], left[k])
+        for k, (each, model) in enumerate(zip(states, models, strict=True))
+    ]
+
+
+def _before(matched: Sequence[int], index: int) -> int:
+    """Return the position of the latest match up to a frame."""
+    return int(np.searchsorted(matched, index, side="right")) - 1
+
+
+def _variance_of(state: TrackState) -> Array:
+    assert state.far_from_near is not None  # noqa: S101
+    radius = half_diagonal(state.far_from_near, state.size)
+    return np.diag(covariance_of(state.expected_error or radius, radius))
+
+
+def _at(state: TrackState, model: TrackState, place: Array, variance: Array) -> TrackState:
+    """Return a state at a smooth place, with the shape of a matched frame's footprint."""
+    assert model.far_from_near is not None  # noqa: S101
+    homography = moved(model.far_from_near, model.size, place)
+    if footprint(homography, *model.size) is None:
+        return state
+    return replace(
+        state,
+        status="predicted" if state.status == "lost" else state.status,
+        image=model.image,
+        size=model.size,
+        far_from_near=homography,
+        place=place,
+        covariance=np.diag(variance),
+    )
+
+
+def smooth_sequence(
+    times: Array, matched: Array, values: Array, variances: Array
+) -> tuple[Array, Array]:
+    """Return the smooth values at all times, and their variances.
+
+    Args:
+        times: (N,) in seconds, rising.
+        matched: (M,) indices of the times with a measurement; the first and the last are among
+            them.
+        values: (M,) measurements.
+        variances: (M,) of them.
+    """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    count = len(times)
+    if count < 3:
+        return np.interp(times, times[matched], values), np.full(count, variances.max())
+    rough = _accelerations(times)
+    weights = 1 / variances
+    density = _density(times[matched], values, variances)
+    trusted = np.ones(len(values))
+    for _ in range(ROUNDS):
+        diagonal, target = np.zeros(count), np.zeros(count)
+        diagonal[matched] = weights * trusted
+        target[matched] = weights * trusted * values
+        banded = _banded(rough, diagonal, density)
+        factor = cholesky_banded(banded)
+        smooth = cho_solve_banded((factor, False), target)
+        away = np.abs(smooth[matched] - values) * np.sqrt(weights)
+        trusted = np.minimum(1.0, HUBER / np.maximum(away, 1e-12))
+    left = [cho_solve_banded((factor, False), row)[k] for k, row in enumerate(np.eye(count))]
+    return np.asarray(smooth), np.array(left)
+
+
+def _accelerations(times: Array) -> Array:
+    """Return (N - 2, 3) factors of three successive values that give their acceleration."""
+    before, after = np.diff(times)[:-1], np.diff(times)[1:]
+    whole = before + after
+    return 2 * np.column_stack([1 / (before * whole), -1 / (before * after), 1 / (after * whole)])
+
+
+def _density(times: Array, values: Array, variances: Array) -> float:
+    """Return the inverse variance of an acceleration, estimated from the measurements."""
+    if len(times) < 3:
+        return 1.0
+    rough = _accelerations(times)
+    found = (rough * np.column_stack([values[:-2], values[1:-1], values[2:]])).sum(axis=1)
+    noise = (rough**2 * np.column_stack([variances[:-2], variances[1:-1], variances[2:]])).sum(1)
+    spread = (1.4826 * float(np.median(np.abs(found)))) ** 2 - float(np.median(noise))
+    return 1 / max(spread, LEAST_DEVIATION**2 * float(np.median(noise)), 1e-300)
+
+
+def _banded(rough: Array, diagonal: Array, density: float) -> Array:
+    """Return the upper bands (3, N) of the normal equations."""
+    count = len(diagonal)
+    banded = np.zeros((3, count))
+    banded[2] = diagonal
+    for row in range(3):
+        for column in range(row, 3):
+            products = density * rough[:, row] * rough[:, column]
+            first = column
+            banded[2 - (column - row), first : first + len(products)] += products
+    return banded
