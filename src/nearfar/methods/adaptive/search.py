@@ -5,7 +5,7 @@ image's landmarks but searched for, at every place, scale and rotation.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
+from nearfar.methods.adaptive.template_scores import CellTemplate, TemplateBank
 
 BAND_PIXELS = 3_300_000
 """Pixels of a band in which a level is described, which bounds the network's memory."""
@@ -194,10 +195,17 @@ def search(
         most: how many.
         constants: of the search.
     """
-    vectors = [(template, unit((template.vectors - far.mean) @ far.basis)) for template in sought]
-    peaks = [peak for level in far.levels for peak in _peaks(level, vectors, most)]
-    peaks.sort(key=lambda each: -each.support)
-    return distinct(peaks, near_size, most, constants)
+    if not far.levels or not sought:
+        return []
+    bank = TemplateBank([_projected(each, far) for each in sought], far.basis.shape[1])
+    peaks = [_peaks(level, bank, sought, most) for level in far.levels]
+    score, matrices = (np.concatenate(each) for each in zip(*peaks, strict=True))
+    order = np.argsort(-score, kind="stable")
+    score, matrices = score[order], matrices[order]
+    return [
+        Hypothesis(matrices[index], float(score[index]), "landmarks")
+        for index in _distinct(matrices, near_size, most, constants)
+    ]
 
 
 def distinct(
@@ -214,13 +222,36 @@ def distinct(
         most: how many.
         constants: of the search.
     """
-    found: list[Hypothesis] = []
-    for hypothesis in sorted_hypotheses:
-        if len(found) == most:
-            break
-        if not any(_same(hypothesis, other, near_size, constants) for other in found):
-            found.append(hypothesis)
-    return found
+    if not sorted_hypotheses:
+        return []
+    matrices = np.array([each.far_from_near for each in sorted_hypotheses])
+    return [sorted_hypotheses[each] for each in _distinct(matrices, near_size, most, constants)]
+
+
+def _distinct(
+    matrices: NDArray[np.float64],
+    near_size: tuple[int, int],
+    most: int,
+    constants: SearchConstants,
+) -> list[int]:
+    """Return the indices of (N, 3, 3) transforms that differ from all that are kept before."""
+    width, height = near_size
+    centres = matrices[:, :2] @ [(width - 1) / 2, (height - 1) / 2, 1.0]
+    determinants = np.linalg.det(matrices[:, :2, :2])
+    scales = np.sqrt(np.maximum(np.abs(determinants), 1e-300))
+    angles = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+    radii = constants.peak_distance * math.hypot(width, height) * scales
+    left = np.arange(len(matrices))
+    kept: list[int] = []
+    while len(left) and len(kept) < most:
+        first, left = int(left[0]), left[1:]
+        kept.append(first)
+        same = np.linalg.norm(centres[left] - centres[first], axis=1) < radii[first]
+        same &= np.abs(np.log(scales[left] / scales[first])) < math.log(constants.peak_scale)
+        turned = np.cos(angles[left] - angles[first])
+        same &= turned > math.cos(math.radians(constants.peak_angle))
+        left = left[~same]
+    return kept
 
 
 def _template(
@@ -255,63 +286,31 @@ def _border(length: int) -> tuple[int, int]:
     return missing // 2, missing - missing // 2
 
 
+def _projected(template: Template, far: Pyramid) -> CellTemplate:
+    """Return a template in the basis of a pyramid, placed by its middle."""
+    vectors = unit((template.vectors - far.mean) @ far.basis)
+    return CellTemplate(vectors, template.cells - np.array(template.shape) // 2)
+
+
 def _peaks(
-    level: Level, sought: list[tuple[Template, NDArray[np.float32]]], most: int
-) -> Iterator[Hypothesis]:
-    rows, columns, size = level.vectors.shape
-    flat = level.vectors.reshape(-1, size).T
-    for template, vectors in sought:
-        similarity = (vectors @ flat).reshape(-1, rows, columns)
-        score = _sum_over_cells(similarity, template)
+    level: Level, bank: TemplateBank, sought: list[Template], most: int
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return the (N,) scores of the best peaks of each template and (N, 3, 3) transforms."""
+    image_from_level = np.linalg.inv(level.level_from_image)
+    scores, matrices = [], []
+    for template, score in zip(sought, bank.scores(level.vectors), strict=True):
         highest = cv2.dilate(score, np.ones((5, 5), np.uint8))
         y, x = np.nonzero(score == highest)
         best = np.argsort(-score[y, x], kind="stable")[:most]
-        for row, column in zip(y[best], x[best], strict=True):
-            corner = np.array([column, row]) - np.array(template.shape[::-1]) // 2
-            level_from_template = translation(*(level.stride * corner))
-            level_from_near = level_from_template @ template.template_from_near
-            matrix = np.linalg.inv(level.level_from_image) @ level_from_near
-            yield Hypothesis(matrix, float(score[row, column]), "landmarks")
-
-
-def _sum_over_cells(similarity: NDArray[np.float32], template: Template) -> NDArray[np.float32]:
-    """Return the (rows, columns) mean similarity with the template's middle on each cell.
-
-    Cells of the template that lie outside count as 0.
-
-    Args:
-        similarity: (K, rows, columns) of each cell of the template to each of the level.
-        template: the template.
-    """
-    _, rows, columns = similarity.shape
-    middle = np.array(template.shape) // 2
-    score = np.zeros((rows, columns), np.float32)
-    for cell, (down, right) in zip(similarity, template.cells - middle, strict=True):
-        if abs(down) < rows and abs(right) < columns:
-            into = score[max(0, -down) : rows - down, max(0, -right) : columns - right]
-            into += cell[max(0, down) : rows + down, max(0, right) : columns + right]
-    score /= max(1, len(template.cells))
-    return score
+        corners = np.column_stack([x[best], y[best]]) - np.array(template.shape[::-1]) // 2
+        moved = np.tile(np.eye(3), (len(best), 1, 1))
+        moved[:, :2, 2] = level.stride * corners
+        scores.append(score[y[best], x[best]])
+        matrices.append(image_from_level @ moved @ template.template_from_near)
+    return np.concatenate(scores), np.concatenate(matrices)
 
 
 def unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     """Scale the vectors of the last axis to unit length; nearly zero ones stay short."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.maximum(length, 1e-6), np.float32)
-
-
-def _same(
-    one: Hypothesis, other: Hypothesis, near_size: tuple[int, int], constants: SearchConstants
-) -> bool:
-    width, height = near_size
-    centre = [(width - 1) / 2, (height - 1) / 2, 1.0]
-    first, second = one.far_from_near[:2], other.far_from_near[:2]
-    scale = math.sqrt(abs(np.linalg.det(second[:, :2])))
-    ratio = math.sqrt(abs(np.linalg.det(first[:, :2]))) / scale
-    turned = math.atan2(first[1, 0], first[0, 0]) - math.atan2(second[1, 0], second[0, 0])
-    away = float(np.hypot(*(first @ centre - second @ centre)))
-    return (
-        away < constants.peak_distance * scale * math.hypot(width, height)
-        and abs(math.log(ratio)) < math.log(constants.peak_scale)
-        and math.cos(turned) > math.cos(math.radians(constants.peak_angle))
-    )
