@@ -15,7 +15,9 @@ from nearfar.maps.map import Map
 from nearfar.tracking.place import similarity
 
 pytest.importorskip("lancedb")
+pytest.importorskip("rasterio")
 
+from tests.imaging.test_raster import write_tiff
 from tests.maps.conftest import pictures, write  # noqa: F401
 
 SIZE = (160, 120)
@@ -24,7 +26,7 @@ CENTRE = (np.array(SIZE) - 1) / 2
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Frames over a raster, 3 times its resolution."""
+    """Frames over a georeferenced raster, at twice its resolution; file 6 of them is damaged."""
 
     folder: Path
     frames: list[RGBPixels]
@@ -58,9 +60,12 @@ def flight(
     """A dozen frames along a curve; tests must not change the map."""
     folder = tmp_path_factory.mktemp("flight")
     raster = pictures("coffee")[:320, :440]
-    write(folder / "raster.png", raster)
-    open_map(folder / "map", create=True).add([folder / "raster.png"])
+    write_tiff(folder / "raster.tif", np.moveaxis(raster, -1, 0))
+    open_map(folder / "map", create=True).add([folder / "raster.tif"])
     path = [(150 + 8 * k, 150 + 0.5 * k * k, 0.05 * k) for k in range(12)]
     views = [seen(raster, *each) for each in [*path, (330, 100, -0.5)]]
     frames, truth = [each[0] for each in views], [each[1] for each in views]
+    for number, frame in enumerate(frames[:-1]):
+        write(folder / "frames" / f"{number}.png", frame)
+    (folder / "frames" / "6.png").write_bytes(b"damaged")
     return Flight(folder, frames[:-1], truth, frames[-1])

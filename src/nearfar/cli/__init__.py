@@ -17,6 +17,7 @@ from nearfar.cli.localize_command import localize_command
 from nearfar.cli.map_command import map_app
 from nearfar.cli.options import BAD_INPUT
 from nearfar.cli.standard_input import with_names
+from nearfar.cli.track_command import track_command
 from nearfar.cli.train_command import train_app
 from nearfar.cli.weights_command import weights_app
 from nearfar.errors import NearfarError
@@ -30,6 +31,7 @@ app.command(localize_command, name="localize")
 app.command(list_command, name="list")
 app.command(about_command, name="about")
 app.command(demo_command, name="demo")
+map_app.command(track_command, name="track")
 app.command(map_app, name="map")
 app.command(bench_app, name="bench")
 app.command(report_command, name="report")

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import poselib
 
+from nearfar.arrays import Matrix3
 from nearfar.exports import EXPORTERS, Exporter, Subject
 from nearfar.exports.ground import outline_of, place_of
 from nearfar.geometry.epipolar import RelativePose
@@ -176,7 +177,7 @@ class KittiExporter(Exporter):
         """See `Exporter.write`."""
         poses = (FAR_CAMERA, subject.pose)
         rows = [np.column_stack([pose.rotation, pose.translation]).ravel() for pose in poses]
-        return _write_lines(path, rows)
+        return write_lines(path, rows)
 
 
 @EXPORTERS.register("tum")
@@ -192,20 +193,25 @@ class TumExporter(Exporter):
         """See `Exporter.write`."""
         poses = (FAR_CAMERA, subject.pose)
         rows = [
-            np.concatenate([[time], pose.translation, _quaternion(pose)])
+            np.concatenate([[time], pose.translation, quaternion(pose.rotation)])
             for time, pose in enumerate(poses)
         ]
-        return _write_lines(path, rows)
+        return write_lines(path, rows)
 
 
-def _quaternion(pose: RelativePose) -> np.ndarray:
-    """Return the unit quaternion x, y, z, w of the rotation."""
+def quaternion(rotation: Matrix3) -> np.ndarray:
+    """Return the unit quaternion x, y, z, w of a (3, 3) rotation."""
     found = poselib.CameraPose()
-    found.R = pose.rotation
+    found.R = rotation
     return np.roll(np.asarray(found.q, np.float64), -1)
 
 
-def _write_lines(path: Path, rows: Iterable[np.ndarray]) -> list[Path]:
+def write_lines(path: Path, rows: Iterable[np.ndarray]) -> list[Path]:
+    """Write a line of numbers for each row, and return the file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     text = "".join(" ".join(repr(float(value)) for value in row) + "\n" for row in rows)
     with replaced(path) as out:
         out.write_text(text, encoding="utf-8")

@@ -21,6 +21,8 @@ ROUNDS = 10
 """Rounds of weighting."""
 LEAST_DEVIATION = 1e-3
 """Least standard deviation of an acceleration, as a share of that of the measurements."""
+LEAST_SAMPLES = 8
+"""Measurements from which accelerations are estimated."""
 
 
 def smoothed(states: Sequence[TrackState]) -> list[TrackState]:
@@ -143,14 +145,26 @@ def _accelerations(times: Array) -> Array:
 
 
 def _density(times: Array, values: Array, variances: Array) -> float:
-    """Return the inverse variance of an acceleration, estimated from the measurements."""
-    if len(times) < 3:
-        return 1.0
-    rough = _accelerations(times)
-    found = (rough * np.column_stack([values[:-2], values[1:-1], values[2:]])).sum(axis=1)
-    noise = (rough**2 * np.column_stack([variances[:-2], variances[1:-1], variances[2:]])).sum(1)
-    spread = (1.4826 * float(np.median(np.abs(found)))) ** 2 - float(np.median(noise))
-    return 1 / max(spread, LEAST_DEVIATION**2 * float(np.median(noise)), 1e-300)
+    """Return the inverse variance of an acceleration, estimated from the measurements.
+
+    Noise hides the accelerations between close measurements, so that those between every second,
+    fourth and so on are looked at as well. The largest estimate counts.
+    """
+    spreads, noise = [0.0], float(np.median(variances))
+    step = 1
+    while len(times) >= LEAST_SAMPLES * step or step == 1 < len(times) // 3:
+        chosen = slice(None, None, step)
+        rough = _accelerations(times[chosen])
+        found = (rough * _threes(values[chosen])).sum(axis=1)
+        noise = float(np.median((rough**2 * _threes(variances[chosen])).sum(axis=1)))
+        spreads.append((1.4826 * float(np.median(np.abs(found)))) ** 2 - noise)
+        step *= 2
+    return 1 / max(*spreads, LEAST_DEVIATION**2 * noise, 1e-300)
+
+
+def _threes(values: Array) -> Array:
+    """Return (N - 2, 3) successive values."""
+    return np.column_stack([values[:-2], values[1:-1], values[2:]])
 
 
 def _banded(rough: Array, diagonal: Array, density: float) -> Array:

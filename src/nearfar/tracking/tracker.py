@@ -16,7 +16,7 @@ from nearfar.geometry.homography import normalized
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.imaging.mask import MaskedImage
-from nearfar.imaging.undistorted import View, view_of
+from nearfar.imaging.undistorted import view_of
 from nearfar.maps.map import Map
 from nearfar.tracking.constants import TRACKING, TrackingConstants
 from nearfar.tracking.earth import Earth
@@ -66,6 +66,7 @@ class Tracker:
         self._search = MapSearch(map_, threaded=budget is not None)
         self._earth = Earth(map_.folder)
         self._followed: tuple[Hypothesis, ...] = ()
+        self._lens = _Lens(None, np.eye(3), (0, 0))
         self._anchor: _Anchor | None = None
         self._index, self._time, self._missed = -1, -math.inf, 0
         self._next_search = 0
@@ -110,6 +111,7 @@ class Tracker:
         )
         view = view_of(read, self._camera_of(read))
         frame = Frame(MaskedImage(view.image.pixels, view.image.mask), self._constants.odometry)
+        self._lens = _Lens(view.camera, view.undistorted_from_frame, view.size)
         now = self._advanced(time)
         deadline = math.inf if self._budget is None else began + self._budget
         followed = self._after(frame, now, deadline)
@@ -117,7 +119,7 @@ class Tracker:
         followed = [each for each in followed if each.share < limits.motion.given_up]
         self._followed = weighed(followed, limits.hypotheses)
         self._remember(frame, now)
-        return replace(self._state(view, name), seconds=clock.perf_counter() - began)
+        return replace(self._state(name), seconds=clock.perf_counter() - began)
 
     def skip(
         self, reason: str, time: float | None = None, *, name: str | None = None
@@ -137,7 +139,7 @@ class Tracker:
             replace(each.at(now), missed=each.missed + 1) for each in self._followed
         )
         self._missed += 1
-        return self._state(None, name, reason)
+        return self._state(name, reason)
 
     def checkpoint(self) -> dict[str, Any]:
         """Return what a tracker of the same map needs to go on, as JSON values."""
@@ -172,7 +174,9 @@ class Tracker:
         bases = [each.base.time for each in self._followed if each.base is not None]
         if anchor is not None and bases:
             read = read_image(anchor, max_pixels=self._map.settings.max_pixels)
-            seen = view_of(read, self._camera_of(read)).image
+            view = view_of(read, self._camera_of(read))
+            self._lens = _Lens(view.camera, view.undistorted_from_frame, view.size)
+            seen = view.image
             frame = Frame(MaskedImage(seen.pixels, seen.mask), self._constants.odometry)
             self._anchor = _Anchor(int(content["anchor"]), max(bases), frame)
 
@@ -291,9 +295,9 @@ class Tracker:
         if any(each.base is not None and each.base.time == now for each in self._followed):
             self._anchor = _Anchor(self._index, now, frame)
 
-    def _state(self, view: View | None, name: str | None, reason: str | None = None) -> TrackState:
+    def _state(self, name: str | None, reason: str | None = None) -> TrackState:
         best = self._followed[0] if self._followed else None
-        size = view.size if view is not None else (best.size if best is not None else (0, 0))
+        size = self._lens.size
         count = len(self._followed)
         if best is None or best.share > self._constants.motion.lost:
             why = reason or "the frame matches the map nowhere"
@@ -301,8 +305,7 @@ class Tracker:
                 self._index, self._time, "lost", size, hypotheses=count, reason=why, name=name
             )
         measured = best.measured
-        undistorted = np.eye(3) if view is None else view.undistorted_from_frame
-        model = normalized(best.map_from_frame @ np.linalg.inv(undistorted))
+        model = normalized(best.map_from_frame @ np.linalg.inv(self._lens.undistorted_from_frame))
         state = TrackState(
             index=self._index,
             time=self._time,
@@ -326,8 +329,22 @@ class Tracker:
             else (reason or "the frame does not match the map where it is expected"),
             name=name,
         )
-        camera = None if view is None else view.camera
-        return self._earth.placed(state, camera, best.radius)
+        return self._earth.placed(state, self._lens.camera, best.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lens:
+    """The camera of the latest frame that could be read.
+
+    Attributes:
+        camera: for the size of that frame; None where it is not known.
+        undistorted_from_frame: pixels of the matched frame to undistorted ones.
+        size: width and height of the original frame.
+    """
+
+    camera: CameraIntrinsics | None
+    undistorted_from_frame: Matrix3
+    size: tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
