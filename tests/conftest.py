@@ -16,7 +16,7 @@ from hypothesis import settings
 from PIL import Image as PillowImage
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import scaling, transform
 from tests.object_storage import bucket, running_server, server  # noqa: F401
 
 settings.register_profile("on busy machines too", deadline=None)
@@ -40,6 +40,13 @@ class KnownPair:
         near = grid.reshape(-1, 2)
         truth, found = transform(self.far_from_near, near), transform(far_from_near, near)
         return float(np.linalg.norm(truth - found, axis=1).mean())
+
+    def reduced(self, factor: float) -> "KnownPair":
+        """The same pair from smaller images."""
+        size = {"dsize": None, "fx": 1 / factor, "fy": 1 / factor, "interpolation": cv2.INTER_AREA}
+        far, near = (np.asarray(cv2.resize(each, **size)) for each in (self.far, self.near))
+        small = scaling(1 / factor, 1 / factor)
+        return KnownPair(far, near, small @ self.far_from_near @ np.linalg.inv(small))
 
 
 @pytest.fixture(scope="session")

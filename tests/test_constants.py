@@ -43,7 +43,7 @@ def changed(step: str, **values: Any) -> Constants:
 @pytest.fixture(scope="module")
 def attempts(photograph: Callable[[str], RGBPixels]) -> Callable[[Constants], dict[str, int]]:
     """Matches of each step for two unrelated small photographs, under some constants."""
-    far, near = photograph("coffee")[:144, :192], photograph("chelsea")[:96, :128]
+    far, near = photograph("coffee")[:128, :168], photograph("chelsea")[:84, :112]
 
     @functools.cache
     def run(constants: Constants) -> dict[str, int]:

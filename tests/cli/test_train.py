@@ -27,7 +27,7 @@ def test_trains_a_descriptor_that_can_be_used(
     large.save(photographs / "coffee.png")  # OpenCV reduces it with threads; see training.py.
     (photographs / "broken.jpg").write_bytes(b"\xff\xd8")
     command = ["train", "descriptor", str(photographs), "--out", str(out), "--small"]
-    assert main([*command, "--steps", "4", "--jobs", "0"]) == 0
+    assert main([*command, "--steps", "2", "--jobs", "0"]) == 0
     said = capsys.readouterr().out
     model = out / "landmark_network.onnx"
     assert "broken.jpg" in said
@@ -37,13 +37,13 @@ def test_trains_a_descriptor_that_can_be_used(
     boxes = np.array([[0, 0, 100, 80]], np.int32)
     length = np.linalg.norm(descriptor.describe(photograph("coffee"), boxes).astype(float))
     assert abs(length - 1) < 1e-2
-    by_processes = [*command[:-2], str(tmp_path / "other"), command[-1], "--steps", "4"]
+    by_processes = [*command[:-2], str(tmp_path / "other"), command[-1], "--steps", "2"]
     nearfar = [sys.executable, "-m", "nearfar"]
     subprocess.run([*nearfar, *by_processes, "--jobs", "1"], check=True, timeout=120)
     logs = (read_rows(folder / "log.jsonl") for folder in (out, tmp_path / "other"))
     for one, other in zip(*logs, strict=True):
         assert one["landmark_loss"] == pytest.approx(other["landmark_loss"], rel=1e-3)
-    assert main([*command, "--steps", "5"]) == 2
+    assert main([*command, "--steps", "3"]) == 2
     assert "another folder" in capsys.readouterr().err
 
 

@@ -1,10 +1,10 @@
 """Other packages with plug-ins, and the command line that sees them."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
+
+from tests import processes
 
 
 def write_modules(folder: Path, modules: dict[str, str]) -> Path:
@@ -27,14 +27,7 @@ def write_entry_points(folder: Path, name: str, modules: list[str]) -> Path:
 
 def nearfar(package: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the command line with a folder on PYTHONPATH."""
-    path = os.pathsep.join([str(package), os.environ.get("PYTHONPATH", "")])
-    return subprocess.run(
-        [sys.executable, "-m", "nearfar", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": path},
-    )
+    return processes.run([*map(str, arguments)], package)
 
 
 def write_two_pairs(folder: Path, far: Path, near: Path) -> Path:

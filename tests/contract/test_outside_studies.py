@@ -65,28 +65,37 @@ def rows(file: Path) -> list[dict[str, object]]:
     return [json.loads(line) for line in file.read_text().splitlines()]
 
 
-@pytest.mark.parametrize(
-    ("study", "file", "jobs"),
-    [("matches", "matches.jsonl", 2), ("python:my_studies.Matches", "my_studies.Matches.jsonl", 1)],
-)
-def test_a_study_from_outside(
-    study: str, file: str, jobs: int, package: Path, pairs: Path, tmp_path: Path
+OPTIONS = ("--method", "orb")
+
+
+def test_a_study_by_an_entry_point_and_in_workers(
+    package: Path, pairs: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    command = ["bench", "run", study, pairs, "--out", out, "--method", "orb", "--jobs", jobs]
+    command = ["bench", "run", "matches", pairs, "--out", out, *OPTIONS, "--jobs", 2]
     ran = nearfar(package, *command)
     assert ran.returncode == 0, ran.stderr
-    found = {row["case"]: row for row in rows(out / file)}
+    found = {row["case"]: row for row in rows(out / "matches.jsonl")}
     assert (found["a"]["status"], found["b"]["status"]) == ("localized", "error")
     assert found["b"]["reason"] == "RuntimeError: no more pairs"
     assert f"Matches:\n\n{found['a']['point_matches']} in all" in ran.stdout
     assert (out / "matches.txt").read_text() == "a plot"
     assert "reused 1 rows" in nearfar(package, *command).stderr
+
+
+def test_a_study_by_its_place_runs_again_when_it_changed(
+    package: Path, pairs: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "out" / "my_studies.Matches.jsonl"
+    study = "python:my_studies.Matches"
+    command = ["bench", "run", study, pairs, "--out", file.parent, *OPTIONS]
+    assert nearfar(package, *command).returncode == 0
+    assert sorted(str(row["status"]) for row in rows(file)) == ["error", "localized"]
     module = package / "my_studies.py"
     module.write_text(module.read_text().replace('"b"', '"c"'))
     again = nearfar(package, *command)
     assert "reused" not in again.stderr or "reused 0 rows" in again.stderr
-    assert [row["status"] for row in rows(out / file)[-2:]] == ["localized", "localized"]
+    assert [row["status"] for row in rows(file)[-2:]] == ["localized", "localized"]
 
 
 def test_what_is_no_table_for_json_is_an_error(package: Path, pairs: Path, tmp_path: Path) -> None:

@@ -45,8 +45,9 @@ def without_weights(name: str) -> bool:
 @pytest.mark.parametrize("name", DETECTORS.names())
 def test_detector(name: str, known_pair: KnownPair) -> None:
     detector = created(DETECTORS, name)
-    found = detector.detect(known_pair.near)
-    height, width = known_pair.near.shape[:2]
+    near = np.ascontiguousarray(known_pair.near[60:360, 100:400])
+    found = detector.detect(near)
+    height, width = near.shape[:2]
     assert len(found) > 100
     assert found.xy.shape == (len(found), 2)
     assert ((found.xy >= -0.5) & (found.xy <= [width - 0.5, height - 0.5])).all()
@@ -56,7 +57,7 @@ def test_detector(name: str, known_pair: KnownPair) -> None:
     for values in (found.scale, found.angle, found.score):
         assert values.shape == (len(found),)
         assert np.isfinite(values).all()
-    np.testing.assert_array_equal(detector.detect(known_pair.near).xy, found.xy)
+    np.testing.assert_array_equal(detector.detect(near).xy, found.xy)
     for blank in (np.zeros((1, 1, 3), np.uint8), np.zeros((30, 40, 3), np.uint8)):
         assert detector.detect(blank).descriptors.shape == (0, found.descriptors.shape[1])
 
@@ -85,6 +86,8 @@ def test_matcher(name: str, known_pair: KnownPair) -> None:
 def test_matcher_of_images(name: str, known_pair: KnownPair) -> None:
     matcher = created(MATCHERS, name)
     assert isinstance(matcher, ImageMatcher)
+    if "lightglue" in name:  # Slow, and sure of less.
+        known_pair = known_pair.reduced(1.6)
     far, near = matcher.extract(known_pair.far), matcher.extract(known_pair.near)
     assert far.nbytes > 0
     found = matcher.match_images(far, near)
@@ -171,7 +174,7 @@ def test_estimator(name: str, model: ModelKind) -> None:
 @pytest.mark.parametrize("model", MODEL_KINDS)
 @pytest.mark.parametrize("name", METHODS.names())
 def test_method(name: str, model: ModelKind, known_pair: KnownPair) -> None:
-    if name in LEARNED and model != "homography":
+    if name in (*LEARNED, "asift") and model != "homography":
         pytest.skip("slow, and no other than the tuned methods")
     method = created(METHODS, name)
     task = Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
@@ -184,21 +187,14 @@ def test_method(name: str, model: ModelKind, known_pair: KnownPair) -> None:
     assert timer.seconds
     height, width = known_pair.far.shape[:2]
     assert ((answer.far >= -0.5) & (answer.far <= [width, height])).all()
+    if model == "homography":
+        assert isinstance(answer.estimate.far_from_near, np.ndarray)
+        assert known_pair.error(answer.estimate.far_from_near) < 3
+        assert answer.estimate.inliers.sum() >= 8
     blank = method.extract(np.zeros((40, 60, 3), np.uint8), timer)
     nothing = method.localize(blank, blank, task, timer)
     assert nothing.estimate.far_from_near is None
     assert nothing.estimate.reason
-
-
-@pytest.mark.parametrize("name", METHODS.names())
-def test_method_localizes_a_known_pair(name: str, known_pair: KnownPair) -> None:
-    method = created(METHODS, name)
-    timer = StageTimer()
-    far, near = method.extract(known_pair.far, timer), method.extract(known_pair.near, timer)
-    estimate = method.localize(far, near, Task("homography"), timer).estimate
-    assert isinstance(estimate.far_from_near, np.ndarray)
-    assert known_pair.error(estimate.far_from_near) < 3
-    assert estimate.inliers.sum() >= 8
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,7 @@ def test_absolute_paths_are_told_from_other_text(text: str, found: bool) -> None
     assert bool(ABSOLUTE_PATH.search(text)) == found
 
 
+@pytest.mark.timeout(900)
 def test_it_runs_from_a_clean_kernel(
     stored: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

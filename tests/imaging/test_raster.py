@@ -162,7 +162,7 @@ for name in ("small", "large"):
 def test_memory_does_not_grow_with_the_raster(tmp_path: Path, bands: np.ndarray) -> None:
     block = np.tile(bands, (1, 2, 2))[:, :1000, :1000]
     write_tiff(tmp_path / "small.tif", np.tile(block, (1, 2, 2))[:, :1200, :1600])
-    columns, rows = 12_000, 9_000
+    columns, rows = 8_000, 6_000
     profile = {"count": 3, "width": columns, "height": rows, "dtype": "uint8"}
     where = {"crs": CRS, "transform": rasterio.Affine(*NORTH_UP)}
     with rasterio.open(

@@ -43,7 +43,7 @@ def test_unchanged_images_are_skipped_and_changed_ones_replaced(
 
 
 def test_removing(photos: Path, small_close_up: KnownPair, monkeypatch: pytest.MonkeyPatch) -> None:
-    map_ = open_map(photos.parent / "map", create=True)
+    map_ = open_map(photos.parent / "map", create=True, max_effort="points")
     map_.add([photos / "astronaut.png", photos / "coffee.png", photos / "page.png"])
     assert map_.locate(small_close_up.near).located
     with pytest.raises(MapError, match="nothing"):

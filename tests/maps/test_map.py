@@ -39,8 +39,9 @@ def test_a_close_up_is_located(map_: Path, close_up: KnownPair) -> None:
     assert found.candidates[0].image == answer.image
 
 
-def test_an_unrelated_image_is_not_found(map_: Path, pictures: Pictures) -> None:
-    found = open_map(map_, max_effort="points").locate(pictures("retina")[300:700, 300:700])
+def test_an_unrelated_image_is_not_found(small_town: Path, pictures: Pictures) -> None:
+    query = cv2.resize(pictures("retina")[300:700, 300:700], (200, 200))
+    found = open_map(small_town, max_effort="points").locate(np.asarray(query))
     assert not found.located
     assert found.reason is not None
     assert len(found.candidates) > 5, "five as it is, and more seen from aside"
@@ -127,13 +128,13 @@ def test_top_answers(tmp_path: Path, close_up: KnownPair, pictures: Pictures) ->
         map_.locate(close_up.near, top=0)
 
 
-def test_the_same_query_gives_the_same_answer(map_: Path, close_up: KnownPair) -> None:
+def test_the_same_query_gives_the_same_answer(small_town: Path, small_close_up: KnownPair) -> None:
     def answer(found: MapLocalization) -> dict[str, object]:
         return {key: value for key, value in found.to_dict().items() if key != "seconds"}
 
-    opened = open_map(map_)
-    first, again = (answer(opened.locate(close_up.near)) for _ in range(2))
-    assert first == again == answer(open_map(map_).locate(close_up.near))
+    opened = open_map(small_town)
+    first, again = (answer(opened.locate(small_close_up.near)) for _ in range(2))
+    assert first == again == answer(open_map(small_town).locate(small_close_up.near))
 
 
 def test_what_is_no_map_is_refused(tmp_path: Path) -> None:

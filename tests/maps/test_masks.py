@@ -36,7 +36,7 @@ def scene(pictures: Pictures, tmp_path: Path) -> RGBPixels:
 
 
 def add(tmp_path: Path, **options: object) -> tuple[Map, tuple[int, int, int, int]]:
-    map_ = open_map(tmp_path / "map", create=True)
+    map_ = open_map(tmp_path / "map", create=True, max_effort="points")
     added = map_.add(tmp_path / "photos", **options)  # type: ignore[arg-type]
     return map_, (added.added, added.replaced, added.unchanged, len(added.failed))
 

@@ -50,7 +50,10 @@ def test_built_added_to_and_queried_as_in_a_folder(
     assert map_.add([str(photos_url)]).unchanged == 4
     assert content(map_.folder) == content(local)
     assert map_.check(content=True) == []
-    found, same = (open_map(each).locate(small_close_up.near) for each in (bucket / "map", local))
+    found, same = (
+        open_map(each, max_effort="points").locate(small_close_up.near)
+        for each in (bucket / "map", local)
+    )
     assert found.located
     assert answer(found) == answer(same)
     (photos_url / "astronaut.png").write_bytes((photos_url / "page.png").read_bytes())

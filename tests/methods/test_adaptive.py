@@ -124,8 +124,10 @@ def test_a_place_both_small_and_tilted_is_found_by_alignment(photograph: Photogr
     assert found.step == "alignment"
 
 
-@pytest.mark.parametrize("model", ["homography", "fundamental"])
-@pytest.mark.parametrize(("far", "near"), [("coffee", "chelsea"), ("astronaut", "rocket")])
+@pytest.mark.parametrize(
+    ("far", "near", "model"),
+    [("coffee", "chelsea", "homography"), ("astronaut", "rocket", "fundamental")],
+)
 def test_unrelated_photographs_fail(
     far: str, near: str, model: Any, photograph: Photograph
 ) -> None:
@@ -172,7 +174,7 @@ def test_identical_images(photograph: Photograph) -> None:
 def test_textureless_images_fail(photograph: Photograph) -> None:
     flat = np.full((60, 90, 3), 120, np.uint8)
     gradient = np.repeat(np.tile(np.arange(90, dtype=np.uint8), (60, 1))[..., np.newaxis], 3, 2)
-    localizer = Localizer()
+    localizer = Localizer(max_effort="zoom")
     coffee = reduced(photograph("coffee"), 4)
     for far, near in ((coffee, flat), (flat, coffee), (flat, gradient), (gradient, gradient)):
         found = localizer.localize(far, near)

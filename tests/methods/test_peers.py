@@ -17,6 +17,8 @@ PEERS = ("sift-ratio", "sift-tuned", "asift", "akaze", "orb")
 
 @pytest.mark.parametrize("name", PEERS)
 def test_a_peer_finds_the_known_pair(name: str, known_pair: KnownPair) -> None:
+    if name == "asift":  # Slow: it describes many views of each image.
+        known_pair = known_pair.reduced(1.5)
     found = localize(known_pair.far, known_pair.near, method=name)
     assert found.status == "localized"
     assert known_pair.error(np.asarray(found.far_from_near)) < 2

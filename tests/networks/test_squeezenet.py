@@ -96,8 +96,8 @@ def test_real_weights_classify_real_photographs(extra_data: Path) -> None:
     files = sorted((extra_data / "train" / "research").glob("imagenet_*"))
     assert len(files) == 1000
     network = CropNetwork(squeezenet_model(tensors, (CLASSES,), 227), batch_size=50)
-    every_third, classes = files[::3], np.arange(1000)[::3]
-    correct = named(network, every_third, 1) == classes
+    some, classes = files[::8], np.arange(1000)[::8]
+    correct = named(network, some, 1) == classes
     assert correct.mean() >= 0.5
-    swapped = named(network, every_third[::2], -1) == classes[::2]
+    swapped = named(network, some[::2], -1) == classes[::2]
     assert swapped.sum() < 0.95 * correct[::2].sum()

@@ -76,7 +76,7 @@ def test_workers_that_keep_much_go_on() -> None:
 def test_work_that_comes_as_idle_processes_end_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
     """Warnings are errors in tests, also those of the thread that collects results."""
     monkeypatch.setattr(workers, "IDLE_SECONDS", 0.15)
-    for turn in range(30):
+    for turn in range(8):
         assert sorted(Workers(2).run(square, range(2), gave_up)) == [0, 1]
         time.sleep(0.15 - 0.005 * (turn % 6))
 

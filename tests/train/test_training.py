@@ -21,7 +21,7 @@ from nearfar.train.training import (  # noqa: E402
     train,
 )
 
-FEW = dataclasses.replace(SMALL, steps=6, every=2)
+FEW = dataclasses.replace(SMALL, steps=4, every=2)
 
 
 class StoppedError(Exception):
@@ -55,14 +55,14 @@ def test_resumed_training_ends_like_one_in_a_go(
     _, whole = finished
 
     def stop(step: int, _row: object) -> None:
-        if step == 5:
+        if step == 3:
             raise StoppedError
 
     with pytest.raises(StoppedError):
         train(photographs[:3], photographs[3:], FEW, tmp_path / "parts", jobs=0, progress=stop)
-    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4]
+    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2]
     parts = trained(photographs, tmp_path / "parts")
-    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4, 6]
+    assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4]
     for name, values in whole.items():
         assert torch.equal(values, parts[name]), name
 

@@ -87,7 +87,7 @@ def test_a_shared_logo_is_not_a_place(
 
 def test_a_real_shared_logo_is_not_a_place(extra_data: Path) -> None:
     folder = extra_data / "cases/localized-without-outline"
-    found = Localizer(max_effort="landmarks").localize(folder / "far.png", folder / "near.png")
+    found = Localizer(max_effort="points").localize(folder / "far.png", folder / "near.png")
     assert not found.localized
 
 
