@@ -67,13 +67,19 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
     nearfar.open_map(folder / "MAP", create=True)
 
 
-def write(file: Path, pixels: RGBPixels, film: int = 0) -> None:
-    """Write an image, with a focal length in 35 mm film."""
+def write(
+    file: Path, pixels: RGBPixels, film: int = 0, place: tuple[float, float] | None = None
+) -> None:
+    """Write an image, with a focal length in 35 mm film, or a latitude and longitude."""
     file.parent.mkdir(parents=True, exist_ok=True)
     exif = PillowImage.Exif()
     if film:
         exif[0x010F] = "nearfar"
         exif.get_ifd(0x8769)[0xA405] = film
+    if place is not None:
+        exif[0x010F] = "nearfar"
+        latitude, longitude = ((degrees, 0.0, 0.0) for degrees in place)
+        exif.get_ifd(0x8825).update({1: "N", 2: latitude, 3: "E", 4: longitude})
     PillowImage.fromarray(pixels).save(file, quality=95, exif=exif)
 
 
@@ -97,6 +103,7 @@ def _write_photographs(
         write(folder / "photos" / f"{name}.jpg", views[name])
     write(folder / "photos" / "overview.jpg", pair.far)
     write(folder / "photos" / "old.jpg", load("chelsea"))
+    write(folder / "flight" / "1.jpg", pair.far, place=(52.1234, 13.5678))
     write(folder / "more" / "rocket.jpg", load("rocket"))
     for name in ("astronaut", "chelsea", "coffee", "rocket"):
         write(folder / "PHOTOS" / f"{name}.jpg", load(name))

@@ -137,7 +137,12 @@ def locate_query(query: Query) -> Located:
         with local_copy(query.source) as file:
             top, candidates = query.search.top, query.search.candidates
             found = map_.locate(
-                file, top=top, candidates=candidates, intrinsics=query.camera, mask=query.mask
+                file,
+                top=top,
+                candidates=candidates,
+                intrinsics=query.camera,
+                mask=query.mask,
+                prior=query.search.prior(file),
             )
     except (ImageError, FileNotFoundError) as error:
         missing = isinstance(error, FileNotFoundError)
@@ -151,7 +156,7 @@ def locate_query(query: Query) -> Located:
     if query.save is not None:
         with staged(query.save) as folder:
             found.save(folder, query.name)
-    text = _text(found, top, posing=query.camera is not None)
+    text = _text(found, query)
     features = tuple(found.features())
     return Located(None, found.located, found.to_json(), text, features, found.unread, subject)
 
@@ -167,7 +172,8 @@ def _opened(folder: Location, search: SearchOptions, _: str) -> Map:
     return open_map(folder, settings=search.settings())
 
 
-def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
+def _text(found: MapLocalization, query: Query) -> str:
+    top, posing = query.search.top, query.camera is not None
     if not found.located:
         places = sorted(
             ((each.image, each.place) for each in found.candidates if each.place is not None),
@@ -192,6 +198,11 @@ def _text(found: MapLocalization, top: int, *, posing: bool) -> str:
             lines.append(f"  {count} other places in it fit nearly as well (--top)")
         if answer.world is not None:
             lines.append(f"  centre: {place_text(answer.world)}")
+        elif answer.taken is not None:
+            place = f"latitude {answer.taken.latitude:.7f}, longitude {answer.taken.longitude:.7f}"
+            lines.append(f"  taken at {place}: its place is known, but not that of the query")
+    if query.search.use_gps and (found.prior is None or found.prior.source != "gps"):
+        lines.append("  the query has no GPS position (--use-gps)")
     if found.pose is not None:
         lines.append(f"  {_pose_text(found.pose)}")
     elif posing:

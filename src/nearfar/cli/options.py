@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from nearfar.errors import SettingsError
+from nearfar.errors import ImageError, SettingsError
 from nearfar.maps import DEFAULTS, PACKAGES
 from nearfar.maps.sources import ImagePoses, read_source
+from nearfar.maps.world.prior import Prior
 from nearfar.runtime import logs, require
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Effort, Settings
@@ -146,6 +147,19 @@ class SearchOptions:
     """Number of candidates to verify geometrically, those with most votes. Where no answer is
     confident, as many are verified again with simulated views."""
 
+    near: Annotated[str | None, Parameter(metavar="LAT,LON,RADIUS", allow_leading_hyphen=True)] = (
+        None
+    )
+    """Where the cameras of the queries are expected to have been, in degrees, and how far from it
+    they may be, in metres. Photographs taken near it are verified first, then the others."""
+
+    use_gps: Flag = False
+    """Expect each query within 100 m of the GPS position in its EXIF data. Queries without one are
+    expected at --near."""
+
+    only_near: Flag = False
+    """Search only photographs within twice the radius of the expected place."""
+
     max_effort: Effort = DEFAULTS.max_effort
     """Last step of the method adaptive to try for each candidate."""
 
@@ -170,6 +184,10 @@ class SearchOptions:
         """
         if self.top < 1 or self.candidates < 1:
             raise SettingsError("--top and --candidates must be at least 1")
+        if self.only_near and self.near is None and not self.use_gps:
+            raise SettingsError("--only-near needs an expected place: give --near or --use-gps")
+        if self.near is not None:
+            Prior.parsed(self.near)
         chosen = DEFAULTS.replace(
             max_effort=self.max_effort,
             min_confidence=self.min_confidence,
@@ -177,6 +195,24 @@ class SearchOptions:
             bands=self.bands,
         )
         return with_weights(chosen, self.weights)
+
+    def prior(self, file: Path) -> Prior | None:
+        """Return where a query is expected; None where nothing is said.
+
+        Args:
+            file: the query.
+
+        Raises:
+            ImageError: its metadata cannot be read, or it has no GPS position and images elsewhere
+                are not to be searched.
+            SettingsError: --near is malformed.
+        """
+        found = Prior.of_photograph(file, only=self.only_near) if self.use_gps else None
+        if found is None and self.near is not None:
+            found = Prior.parsed(self.near, only=self.only_near)
+        if found is None and self.only_near:
+            raise ImageError(f"{file} has no GPS position: give --near, or leave out --only-near")
+        return found
 
 
 DEFAULT_SEARCH = SearchOptions()

@@ -11,7 +11,9 @@ from nearfar.arrays import Coordinates, Matrix3, RGBPixels
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.imaging.image import ImagePair
 from nearfar.localization import Localization, PointMatches
+from nearfar.maps.world.photo_position import PhotoPosition
 from nearfar.maps.world.places import DECIMALS, GeoPlace, QueryPose, ring
+from nearfar.maps.world.prior import Prior
 from nearfar.models import Alternative, FailureKind
 from nearfar.render import save
 from nearfar.render.alignment import footprint_page
@@ -37,8 +39,8 @@ class MapAnswer:
         confidence: calibrated probability that the answer is correct.
         votes: sum of the weights of the query's landmarks that vote for it.
         points: matched points, in pixels of the original map image (far) and of the query (near).
-        world: position of the query on the Earth; None unless the map image is
-            georeferenced.
+        world: position of the query on the Earth, by the georeference of the map image, or by the
+            GPS positions of photographs; None where it is not known.
         alternatives: other places of the map image that fit nearly as well, best first, in pixels
             of the query and of the original map image; the confidence is shared among all.
         localization: the query, without distortion, localized in a tile of the map image, in
@@ -46,6 +48,7 @@ class MapAnswer:
         images: that tile (far) and the query without distortion (near).
         expected_error: how far the answer is expected to be off in the mean, if it is the right
             place: in pixels of the map image, or in degrees for a pose; None where it is not known.
+        taken: where the map image was taken; None where its metadata name no place.
     """
 
     image: str
@@ -60,6 +63,7 @@ class MapAnswer:
     images: ImagePair
     alternatives: tuple[Alternative, ...] = ()
     expected_error: float | None = None
+    taken: PhotoPosition | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as JSON values."""
@@ -72,6 +76,7 @@ class MapAnswer:
             "votes": self.votes,
             "expected_error": self.expected_error,
             "world": None if self.world is None else self.world.to_dict(),
+            "taken": None if self.taken is None else self.taken.to_dict(),
             "alternatives": [
                 {"homography": each.far_from_near.tolist(), "score": each.score}
                 for each in self.alternatives
@@ -176,6 +181,7 @@ class MapLocalization:
         seconds: wall time by stage.
         pose: pose of the query's camera in the frame of a map source; None without the query's
             intrinsics, or where no map image that it lies in has a pose.
+        prior: where the query was expected; None where nothing was.
     """
 
     answers: tuple[MapAnswer, ...]
@@ -185,6 +191,7 @@ class MapLocalization:
     height: int
     seconds: dict[str, float]
     pose: QueryPose | None = None
+    prior: Prior | None = None
 
     @property
     def world(self) -> GeoPlace | QueryPose | None:
@@ -209,6 +216,8 @@ class MapLocalization:
         if self.located:
             return None
         best = self._best
+        if best is None and self.prior is not None and self.prior.only:
+            return "no photograph of the map was taken near the expected place (--only-near)"
         if best is None:
             return "no landmark of the image is like one of the map"
         return f"none of {len(self.candidates)} candidates; {best.image}: {best.reason}"
@@ -246,6 +255,7 @@ class MapLocalization:
             "answers": [answer.to_dict() for answer in self.answers],
             "world": None if self.world is None else self.world.to_dict(),
             "candidates": [candidate.to_dict() for candidate in self.candidates],
+            "prior": None if self.prior is None else self.prior.to_dict(),
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
         }
 
@@ -258,7 +268,8 @@ class MapLocalization:
 
         A feature is the footprint of the query in longitude and latitude; its properties are
         `query`, `image`, `rank` (1 is the best answer for the query), `confidence`, `scale_change`,
-        `centre`, longitude and latitude, and `heading`, `resolution` and `error` as in `GeoPlace`.
+        `centre`, longitude and latitude, and `heading`, `resolution`, `error` and `source` as in
+        `GeoPlace`.
         """
         found = []
         for rank, answer in enumerate(self.answers, 1):
@@ -276,6 +287,7 @@ class MapLocalization:
                 "heading": place.heading,
                 "resolution": place.resolution,
                 "error": place.error,
+                "source": place.source,
             }
             polygon = {"type": "Polygon", "coordinates": [ring(seen.footprint)]}
             found.append({"type": "Feature", "geometry": polygon, "properties": properties})

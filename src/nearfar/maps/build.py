@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from nearfar.errors import ImageError, NearfarError
 from nearfar.geometry.homography import transform
 from nearfar.imaging.tiles import Core, Tile
 from nearfar.maps.files import content_hash, has_state, name_of, readable_hash, state_of
-from nearfar.maps.images import is_irregular, levels, open_image
+from nearfar.maps.images import copied, is_irregular, levels, open_image
 from nearfar.maps.landmarks import (
     LandmarkDescriber,
     Landmarks,
@@ -23,6 +23,8 @@ from nearfar.maps.landmarks import (
 from nearfar.maps.masks import MaskStore, mask_hash, stored_mask
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import OK, Indexed, MapImage, StoredMask, packed_keypoints
+from nearfar.maps.world.photo_position import PhotoPosition, position_of
+from nearfar.maps.world.positions import PositionStore
 from nearfar.runtime.logs import Progress
 from nearfar.runtime.timing import Meter, RunMetrics
 from nearfar.runtime.workers import Workers
@@ -107,13 +109,15 @@ def add_images(
     known = {image.name: image for image in store.images()}
     named = {name_of(file, store.folder): file for file in files}
     left_out = _left_out(named)
-    mask_store = MaskStore(store.folder)
-    tasks = _changed(named, known, store, settings, masks, mask_store.hashes())
+    mask_store, positions = MaskStore(store.folder), PositionStore(store.folder)
+    tasks = _changed(
+        named, known, store, settings, masks, mask_store.hashes(), positions.all().keys()
+    )
     meter.skipped = len(named) - len(tasks)
     progress(meter.skipped, len(named))
     described: list[MapImage] = []
     same = 0
-    waiting = _Waiting(store, mask_store)
+    waiting = _Waiting(store, mask_store, positions)
     kept: list[_Kept] = []
     for found in workers.run_in_order(_indexed, tasks, _died, meter):
         if isinstance(found, _Kept):
@@ -121,13 +125,15 @@ def add_images(
             meter.failed += 1
         else:
             waiting.take(found)
-        if isinstance(found, Indexed):
+        if isinstance(found, _Described):
             described.append(found.image)
             meter.failed += not found.image.usable
-        same += isinstance(found, MapImage)
+        same += isinstance(found, _Same)
         progress(meter.skipped + meter.done, len(named))
     waiting.commit()
-    mask_store.keep([image.id for image in store.images()])
+    ids = [image.id for image in store.images()]
+    mask_store.keep(ids)
+    positions.keep(ids)
     usable_images = [image for image in described if image.usable]
     replaced = sum(image.name in known for image in usable_images)
     failed = [(each.name, each.status) for each in described if not each.usable]
@@ -149,8 +155,12 @@ def _changed(
     settings: Settings,
     masks: Mapping[Location, Path] | None,
     hashes: Mapping[int, str],
+    placed: Collection[int],
 ) -> list[_Task]:
-    """Return the images to describe: new ones, and those whose file or mask has changed."""
+    """Return the images to describe: new ones, and those whose file or mask has changed.
+
+    Images whose metadata were not read, by an older version, are among them.
+    """
     made, tasks = store.manifest, []
     for name, file in named.items():
         old = known.get(name)
@@ -158,7 +168,8 @@ def _changed(
         mask = None if masks is None else masks.get(file)
         if usable is not None and masks is not None:
             usable = usable if _same_mask(mask, hashes.get(usable.id)) else None
-        if usable is None or not has_state(usable, state_of(file)):
+        same = usable is not None and usable.id in placed and has_state(usable, state_of(file))
+        if not same:
             tasks.append(_Task(file, name, usable, made.max_size, made.bands, settings, mask))
     return tasks
 
@@ -190,19 +201,21 @@ def _unfit(name: str, file: Location) -> str | None:
 class _Waiting:
     """Collects images and commits them together."""
 
-    def __init__(self, store: MapStore, masks: MaskStore) -> None:
-        self._store = store
-        self._masks = masks
+    def __init__(self, store: MapStore, masks: MaskStore, positions: PositionStore) -> None:
+        self._store, self._masks, self._positions = store, masks, positions
         self._entries: list[Indexed] = []
         self._same: list[MapImage] = []
+        self._places: dict[int, PhotoPosition] = {}
         self._landmarks = 0
 
-    def take(self, found: Indexed | MapImage) -> None:
+    def take(self, found: "_Described | _Same") -> None:
         """Add an image, and commit all that are waiting if they are enough."""
-        if isinstance(found, MapImage):
-            self._same.append(found)
+        if found.position is not None:
+            self._places[found.image.id] = found.position
+        if isinstance(found, _Same):
+            self._same.append(found.image)
         else:
-            self._entries.append(found)
+            self._entries.append(found.entry)
             self._landmarks += found.image.landmarks
         images = len(self._entries) + len(self._same)
         if self._landmarks >= LANDMARKS_PER_COMMIT or images >= IMAGES_PER_COMMIT:
@@ -212,9 +225,41 @@ class _Waiting:
         self._masks.put(
             {each.image.id: each.mask for each in self._entries if each.mask is not None}
         )
+        self._positions.put(self._places)
         self._store.add(self._entries)
         self._store.put_images(self._same)
-        self._entries, self._same, self._landmarks = [], [], 0
+        self._entries, self._same, self._places, self._landmarks = [], [], {}, 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Described:
+    """An image that was described, or that cannot be.
+
+    Attributes:
+        entry: what the map holds of it.
+        position: where it was taken; None for an image that cannot be read.
+    """
+
+    entry: Indexed
+    position: PhotoPosition | None = None
+
+    @property
+    def image(self) -> MapImage:
+        """The row of the image."""
+        return self.entry.image
+
+
+@dataclass(frozen=True)
+class _Same:
+    """An image that the map has with the same content.
+
+    Attributes:
+        image: its row, with the new state of its file.
+        position: where it was taken.
+    """
+
+    image: MapImage
+    position: PhotoPosition
 
 
 @dataclass(frozen=True)
@@ -230,7 +275,7 @@ class _Kept:
     reason: str
 
 
-def _indexed(task: _Task) -> Indexed | MapImage | _Kept:
+def _indexed(task: _Task) -> _Described | _Same | _Kept:
     """Describe an image; return only its row where the map has the image with the same content.
 
     An image that cannot be described gets the reason as its status, so that it fails alone. Where
@@ -244,8 +289,11 @@ def _indexed(task: _Task) -> Indexed | MapImage | _Kept:
     try:
         sha256 = readable_hash(task.file)
         if task.known is not None and task.known.sha256 == sha256:
-            return replace(task.known, size=state.size, modified=state.modified)
+            known = replace(task.known, size=state.size, modified=state.modified)
+            return _Same(known, position_of(copied(task.file), known.width, known.height))
         found = _described(task, sha256)
+        width, height = found.image.width, found.image.height
+        position = position_of(copied(task.file), width, height)
     except ImageError as error:
         reason = str(error).replace(str(task.file), "the file")
         if task.known is not None and not (sha256 and content_hash(task.file)):
@@ -256,7 +304,7 @@ def _indexed(task: _Task) -> Indexed | MapImage | _Kept:
     except Exception as error:  # Libraries raise many kinds of errors for an image.
         return _failed(task, sha256, f"{type(error).__name__}: {error}")
     image = replace(found.image, size=state.size, modified=state.modified)
-    return replace(found, image=image)
+    return _Described(replace(found, image=image), position)
 
 
 def _described(task: _Task, sha256: str) -> Indexed:
@@ -292,12 +340,12 @@ def _in_original(landmarks: Landmarks, tile: Tile, core: Core) -> Landmarks:
     return Landmarks(centre, side, landmarks.angle, landmarks.vectors)[own]
 
 
-def _died(task: _Task) -> Indexed:
+def _died(task: _Task) -> _Described:
     return _failed(task, "", "the process that described it died")
 
 
-def _failed(task: _Task, sha256: str, reason: str) -> Indexed:
-    return Indexed(_image(task, sha256, (0, 0), reason, 0), [], Landmarks.joined([]))
+def _failed(task: _Task, sha256: str, reason: str) -> _Described:
+    return _Described(Indexed(_image(task, sha256, (0, 0), reason, 0), [], Landmarks.joined([])))
 
 
 def _image(

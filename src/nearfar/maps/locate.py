@@ -1,7 +1,7 @@
 """Locate a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import cv2
@@ -11,10 +11,9 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.errors import ImageError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, local_scale, normalized, transform
-from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
+from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
 from nearfar.imaging.mask import MaskedImage, MaskSource, PixelMask
-from nearfar.imaging.undistorted import View as LensView
 from nearfar.imaging.undistorted import view_of
 from nearfar.imaging.warp import resized
 from nearfar.localization import NO_POINTS, Localization, PointMatches, read_images
@@ -24,21 +23,23 @@ from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.images import copied, open_image
 from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks, unmasked
 from nearfar.maps.masks import MaskStore
+from nearfar.maps.originals import MapPhotograph, on_earth, place_with_distortion
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.sharing import distinct_places
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localize_in_tile
 from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
-from nearfar.maps.world.places import geo_place
+from nearfar.maps.world.photo_position import NOWHERE
 from nearfar.maps.world.pose_store import PoseStore
+from nearfar.maps.world.positions import PositionStore
+from nearfar.maps.world.prior import ExpectedPlace, Prior
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.pair import AdaptiveFeatures
 from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
 from nearfar.models import Alternative
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
-from nearfar.undistortion import outline_in_far
 
 HITS = 20
 """Number of nearest map landmarks for each landmark of a query."""
@@ -58,6 +59,11 @@ overlay agrees."""
 CANDIDATES_FOR_POSE = 3
 """Retrieve this many times more candidates for a pose, then re-rank them by distance to the first
 confident answer: its neighbours show most of the same scene."""
+NEAR_TRIED = 3
+"""Number of images at the expected place whose points are matched before landmarks are described.
+Each costs a fifth of the query without an expected place."""
+NEAR_ADDED = 2
+"""Number of candidates at the expected place that are verified beside those with most votes."""
 
 
 class MapLocator:
@@ -81,9 +87,16 @@ class MapLocator:
             Localizer(each, cache_bytes=CACHED_BYTES, same_place=True, mirror_hints=False)
             for each in (_of_pixels(settings), _closer(_of_pixels(settings)))
         )
+        self._quick = Localizer(
+            _of_pixels(settings).replace(max_effort="points"),
+            cache_bytes=CACHED_BYTES,
+            same_place=True,
+            mirror_hints=False,
+        )
         self._images = {image.id: image for image in store.images() if image.usable}
         self._poses = PoseStore(store.folder)
         self._masks = MaskStore(store.folder)
+        self._positions = PositionStore(store.folder).all()
 
     def locate(
         self,
@@ -92,6 +105,7 @@ class MapLocator:
         candidates: int,
         camera: CameraIntrinsics | None = None,
         mask: MaskSource | None = None,
+        prior: Prior | None = None,
         *,
         simulated_views: bool = True,
     ) -> MapLocalization:
@@ -109,63 +123,106 @@ class MapLocator:
             view = view_of(image, fitted)
             query, camera = view.image, view.pinhole
         most = candidates if camera is None else CANDIDATES_FOR_POSE * candidates
+        expected = ExpectedPlace.of(prior, self._images, self._positions)
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
-        for views in ((FRONTAL,), TILTED) if simulated_views else ((FRONTAL,),):
-            waiting = self._candidates(query, views, most, timer)
+        posing = None
+        for views in _passes(expected, simulated_views=simulated_views):
+            if views:
+                waiting = self._candidates(query, views, most, expected, timer)
+            else:
+                waiting = self._at_place(expected)
             seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._poses, seen, camera)
             wanted = top if posing is None else max(top, VIEWS)
+            limit = candidates if expected is None else candidates + NEAR_ADDED
             with timer.stage("verification"):
-                checked, found = self._verified(waiting, query, posing, wanted, candidates)
+                checked, found = self._verified(waiting, query, posing, wanted, limit)
             verified += checked
             answers += found
-            if _confident(answers):
+            if len(_confident(answers)) >= (1 if views else wanted):
                 break
         answers = distinct_places(answers)
+        photographs = {
+            image.name: self._photograph(image)
+            for image in self._images.values()
+            if image.name in {answer.image for answer in answers[:top]}
+        }
         pose = None
         if posing is not None:
             with timer.stage("pose"):
                 pose = posing.query_pose(answers, self._settings.seed)
         return MapLocalization(
-            tuple(self._in_original_pixels(answer, view) for answer in answers[:top]),
-            tuple(_place_with_distortion(each, view) for each in verified),
+            on_earth(answers[:top], view, photographs),
+            tuple(place_with_distortion(each, view) for each in verified),
             image.path,
             image.width,
             image.height,
             timer.seconds,
             pose,
+            prior,
         )
 
+    def _at_place(self, expected: ExpectedPlace | None) -> list[Candidate]:
+        """Return the images nearest to the expected place, as a whole, without votes."""
+        found = []
+        for image in () if expected is None else expected.near[:NEAR_TRIED]:
+            tiles = self._store.tiles(image)
+            if tiles:
+                found.append(Candidate(image, min(tiles, key=lambda each: each.scale), ()))
+        return found
+
     def _candidates(
-        self, query: Image, views: Sequence[View], most: int, timer: StageTimer
+        self,
+        query: Image,
+        views: Sequence[View],
+        most: int,
+        expected: ExpectedPlace | None,
+        timer: StageTimer,
     ) -> list[Candidate]:
-        """Return the tiles of map images that most votes of the query's views are for."""
+        """Return the tiles of map images that most votes of the query's views are for.
+
+        With an expected place, the best there are added, and the votes are weighted by it.
+        """
         found: list[Hypothesis] = []
+        at_place: list[Hypothesis] = []
         for view in views:
             with timer.stage("landmarks"):
                 pixels, view_from_query = _seen(query, view)
                 landmarks = self._describer.of_query(pixels)
                 landmarks = unmasked(landmarks, _mask_of_view(query, view_from_query, pixels))
             with timer.stage("search"):
-                hits = self._hits(landmarks)
+                hits = self._hits(landmarks, expected)
             with timer.stage("votes"):
                 size = pixels.shape[1], pixels.shape[0]
                 votes = votes_of(hits, landmarks, size)
-                found += [
-                    replace(each, map_from_query=each.map_from_query @ view_from_query)
-                    for each in find_hypotheses(votes, size, HYPOTHESES_PER_CANDIDATE * most)
-                ]
-        found = sorted(found, key=lambda each: -each.votes)[: HYPOTHESES_PER_CANDIDATE * most]
+                number = HYPOTHESES_PER_CANDIDATE * most
+                found += _of_query(find_hypotheses(votes, size, number), view_from_query)
+                if expected is not None:
+                    near = votes[np.isin(votes.image, expected.near)]
+                    number = HYPOTHESES_PER_CANDIDATE * NEAR_ADDED
+                    at_place += _of_query(find_hypotheses(near, size, number), view_from_query)
         with timer.stage("votes"):
-            tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
-            return group_by_tile(found, tiles, (query.width, query.height))[:most]
+            candidates = self._grouped(found, query, most)
+            if expected is None:
+                return candidates
+            known = {(each.image, each.tile) for each in candidates}
+            others = self._grouped(at_place, query, NEAR_ADDED)
+            candidates += [each for each in others if (each.image, each.tile) not in known]
+            return sorted(candidates, key=lambda each: -each.votes * expected.weights[each.image])
 
-    def _hits(self, landmarks: Landmarks) -> Hits:
+    def _grouped(self, found: list[Hypothesis], query: Image, most: int) -> list[Candidate]:
+        """Return the tiles in which most votes are for a hypothesis."""
+        found = sorted(found, key=lambda each: -each.votes)[: HYPOTHESES_PER_CANDIDATE * most]
+        tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
+        return group_by_tile(found, tiles, (query.width, query.height))[:most]
+
+    def _hits(self, landmarks: Landmarks, expected: ExpectedPlace | None) -> Hits:
+        images = self._images.keys() if expected is None else expected.weights.keys()
         if self._store.indexed:
-            return nearest_by_index(self._store, landmarks.vectors, HITS, self._images)
-        return nearest(self._store.blocks(), landmarks.vectors, HITS, self._images)
+            return nearest_by_index(self._store, landmarks.vectors, HITS, images)
+        return nearest(self._store.blocks(), landmarks.vectors, HITS, images)
 
     def _verified(
         self, waiting: list[Candidate], query: Image, posing: Posing | None, wanted: int, most: int
@@ -210,7 +267,8 @@ class MapLocator:
             )
         cameras = None if posing is None else posing.cameras(image.name)
         shown = MaskedImage(query.pixels, query.mask)
-        found = localize_in_tile(self._localizer, candidate, tile, shown, cameras)
+        localizer = self._localizer if candidate.hypotheses else self._quick
+        found = localize_in_tile(localizer, candidate, tile, shown, cameras)
         if found.failure == "overlay" and closely:
             found = localize_in_tile(self._closer, candidate, tile, shown, cameras)
         confidence = found.confidence or 0.0
@@ -250,7 +308,8 @@ class MapLocator:
             features = AdaptiveFeatures(seen.pixels, unpacked_keypoints(stored))
             if seen.mask is not None:
                 features = features.masked(seen.mask)
-            self._localizer.remember(seen, features)
+            for localizer in (self._localizer, self._quick):
+                localizer.remember(seen, features)
         return MaskedImage(pixels, mask)
 
     def _answer(
@@ -282,56 +341,30 @@ class MapLocator:
             expected_error=expected,
         )
 
-    def _in_original_pixels(self, answer: MapAnswer, view: LensView) -> MapAnswer:
-        """Return an answer for the original query, with its place on the Earth."""
-        found = _with_distortion(answer, view)
-        model = found.far_from_near
-        if isinstance(model, RelativePose):
-            return found
-        file = copied(file_of(answer.image, self._store.folder))
-        cameras = Intrinsics(None, view.camera)
-        return replace(
-            found, world=geo_place(file, model, view.size, cameras, found.expected_error)
-        )
+    def _photograph(self, image: MapImage) -> MapPhotograph:
+        """Return what is known of a map image as a photograph."""
+        file = copied(file_of(image.name, self._store.folder))
+        position = self._positions.get(image.id, NOWHERE)
+        return MapPhotograph(file, image.width, image.height, position)
 
 
-def _with_distortion(answer: MapAnswer, view: LensView) -> MapAnswer:
-    """Return an answer for pixels of the original query, with the distortion of its lens."""
-    camera, model, corners = view.camera, answer.far_from_near, answer.footprint
-    if camera is None or camera.lens is None:
-        return answer
-    if isinstance(model, np.ndarray):
-        model = _of_undistorted(model, view)
-        corners = outline_in_far(model, Intrinsics(None, camera), *view.size)
-    points = answer.points
-    near = view.original(points.near)
-    seen = np.isfinite(near).all(axis=1)
-    return replace(
-        answer,
-        far_from_near=model,
-        footprint=corners,
-        points=PointMatches(points.far[seen], near[seen], points.inliers[seen]),
-        alternatives=tuple(
-            replace(each, far_from_near=_of_undistorted(each.far_from_near, view))
-            for each in answer.alternatives
-        ),
-    )
+def _passes(expected: ExpectedPlace | None, *, simulated_views: bool) -> Iterator[Sequence[View]]:
+    """Yield the simulated views of each pass over the map; none for that over the expected place.
+
+    Where no image is left to be searched there is no pass.
+    """
+    if expected is not None and not expected.weights:
+        return
+    if expected is not None:
+        yield ()
+    yield (FRONTAL,)
+    if simulated_views:
+        yield TILTED
 
 
-def _of_undistorted(map_from_frame: Matrix3, view: LensView) -> Matrix3:
-    """Return a homography from undistorted pixels of the query."""
-    return normalized(map_from_frame @ np.linalg.inv(view.undistorted_from_frame))
-
-
-def _place_with_distortion(candidate: VerifiedCandidate, view: LensView) -> VerifiedCandidate:
-    """Return a candidate with its place for pixels of the original query."""
-    place, camera = candidate.place, view.camera
-    if place is None or camera is None or camera.lens is None:
-        return candidate
-    model = _of_undistorted(place.far_from_near, view)
-    corners = outline_in_far(model, Intrinsics(None, camera), *view.size)
-    found = None if corners is None else replace(place, far_from_near=model, footprint=corners)
-    return replace(candidate, place=found)
+def _of_query(found: Iterable[Hypothesis], view_from_query: Matrix3) -> list[Hypothesis]:
+    """Return hypotheses for a view of the query as those for the query."""
+    return [replace(each, map_from_query=each.map_from_query @ view_from_query) for each in found]
 
 
 def _in_original(candidate: Candidate, tile_from_query: Matrix3) -> Matrix3:

@@ -21,6 +21,8 @@ from nearfar.maps.sources import GivenImage, ImagePoses
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage
 from nearfar.maps.world.pose_store import PoseStore
+from nearfar.maps.world.positions import PositionStore
+from nearfar.maps.world.prior import Prior
 from nearfar.maps.world.scene import PosedImage
 from nearfar.runtime.logs import Progress, silent
 from nearfar.runtime.workers import Workers
@@ -98,6 +100,7 @@ class Map:
         intrinsics: CameraSource | None = None,
         mask: MaskSource | None = None,
         simulated_views: bool = True,
+        prior: Prior | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map.
 
@@ -112,6 +115,9 @@ class Map:
                 pixels are not used either.
             simulated_views: whether to search again with simulated views of the image where no
                 answer is confident, which takes several times as long.
+            prior: where the camera of the image is expected to have been. Map images that were
+                taken near it are verified first; the others follow, unless the prior leaves them
+                out.
 
         Returns:
             The answers, best first; without answers where the image was not found.
@@ -119,7 +125,8 @@ class Map:
         Raises:
             ImageError: the image or its mask cannot be read, or the mask has another size.
             IntrinsicsError: the intrinsics cannot be read.
-            MapError: the map was made with another descriptor.
+            MapError: the map was made with another descriptor, or there is a prior and no position
+                of any map image is known.
             SettingsError: a number is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
@@ -128,8 +135,12 @@ class Map:
         if self._locator is None:
             self._locator = MapLocator(self._store, self.settings)
         camera = None if intrinsics is None else read_camera(intrinsics, "query")
+        if prior is not None and not self.placed:
+            raise MapError(
+                f"the map {self.folder} knows no place of its images: add photographs with GPS tags"
+            )
         return self._locator.locate(
-            image, top, candidates, camera, mask, simulated_views=simulated_views
+            image, top, candidates, camera, mask, prior, simulated_views=simulated_views
         )
 
     def add(
@@ -227,13 +238,21 @@ class Map:
             chosen = {self._id_of(str(name), ids) for name in names}
             self._store.remove(chosen)
             PoseStore(self.folder).remove(chosen)
-            MaskStore(self.folder).keep([image.id for image in self._store.images()])
+            left = [image.id for image in self._store.images()]
+            MaskStore(self.folder).keep(left)
+            PositionStore(self.folder).keep(left)
         return len(chosen)
 
     @property
     def posed(self) -> set[int]:
         """Ids of the images with a known camera and pose."""
         return PoseStore(self.folder).ids()
+
+    @property
+    def placed(self) -> set[int]:
+        """Ids of the images that name the place where they were taken."""
+        found = PositionStore(self.folder).all()
+        return {image for image, position in found.items() if position.known}
 
     def check(self, *, content: bool = False) -> list[Problem]:
         """Return the problems of the map, of the files of its images and of their poses.

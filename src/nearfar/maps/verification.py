@@ -33,7 +33,8 @@ class Candidate:
     Attributes:
         image: id of the map image.
         tile: the tile.
-        hypotheses: transforms that place the query in the tile, best first.
+        hypotheses: transforms that place the query in the tile, best first; empty where only its
+            expected place is known.
     """
 
     image: int
@@ -42,8 +43,8 @@ class Candidate:
 
     @property
     def votes(self) -> float:
-        """Votes for the best hypothesis."""
-        return self.hypotheses[0].votes
+        """Votes for the best hypothesis; 0 where there is none."""
+        return self.hypotheses[0].votes if self.hypotheses else 0.0
 
 
 def group_by_tile(
@@ -89,7 +90,7 @@ def localize_in_tile(
 
     Args:
         localizer: localizes pairs of images.
-        candidate: the tile and the hypotheses for it.
+        candidate: the tile and the hypotheses for it, which may be none.
         tile: the tile.
         query: the query at its original size.
         cameras: intrinsics of the original map image (far) and of the query (near); with them the
@@ -100,7 +101,7 @@ def localize_in_tile(
     known = None
     if cameras is not None:
         known = Intrinsics(in_tile(cameras.far, candidate.tile), cameras.near)
-    if _enlargement(localizer, expected[0], query.pixels) <= SWAPPED_FROM:
+    if not expected or _enlargement(localizer, expected[0], query.pixels) <= SWAPPED_FROM:
         return localizer.localize(
             tile.pixels,
             query.pixels,

@@ -144,6 +144,7 @@ def test_from_a_geotiff_to_geojson(
     saved = found.to_dict()["world"]
     assert set(saved) == {
         "crs", "footprint", "centre", "longitude_latitude", "error", "heading", "resolution",
+        "source",
     }  # fmt: skip
     assert saved["resolution"] == pytest.approx(METRES / 2, rel=0.02)
     assert found.to_dict()["answers"][0]["world"] == saved

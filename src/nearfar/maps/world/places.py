@@ -7,14 +7,14 @@ georeferenced.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Matrix3
+from nearfar.arrays import Coordinates, Matrix3
 from nearfar.geometry.intrinsics import Intrinsics
-from nearfar.imaging.georeference import Georeference, georeference, is_geographic
+from nearfar.imaging.georeference import georeference, is_geographic
 from nearfar.localization import mapped_points
 from nearfar.undistortion import outline_in_far
 
@@ -34,6 +34,7 @@ WorldCoordinates = NDArray[np.float64]
 STEP = 0.05
 """Share of the query's shorter side by which heading and resolution are measured."""
 
+GeoSource = Literal["raster", "drone", "photographs"]
 Source = Literal["model", "triangulation", "directions", "one image"]
 
 
@@ -81,6 +82,8 @@ class GeoPlace:
         resolution: side of a pixel of the query on the ground, in metres at its centre; None where
             longitude and latitude are not known.
         geographic: whether the unit of `outline` is the degree.
+        source: "raster": by a georeferenced map image; "drone": by the GPS position, height and
+            direction of one photograph; "photographs": by the GPS positions of several.
     """
 
     crs: str
@@ -90,6 +93,7 @@ class GeoPlace:
     heading: float | None = None
     resolution: float | None = None
     geographic: bool = False
+    source: GeoSource = "raster"
 
     def printed(self, place: WorldCoordinates) -> str:
         """Return x and y of a place in `outline`, with centimetres or 7 decimals of a degree."""
@@ -106,6 +110,7 @@ class GeoPlace:
             "error": self.error,
             "heading": self.heading,
             "resolution": self.resolution,
+            "source": self.source,
         }
 
     @staticmethod
@@ -120,6 +125,7 @@ class GeoPlace:
             content["heading"],
             content["resolution"],
             is_geographic(content["crs"]),
+            content.get("source", "raster"),
         )
 
 
@@ -179,6 +185,33 @@ class QueryPose:
         )
 
 
+class Ground(Protocol):
+    """What names the places of the pixels of a map image, as `Georeference` does."""
+
+    @property
+    def name(self) -> str:
+        """Name of the coordinate system."""
+        ...
+
+    @property
+    def geographic(self) -> bool:
+        """Whether its unit is the degree."""
+        ...
+
+    @property
+    def residual(self) -> float:
+        """Deviation of the places, in pixels."""
+        ...
+
+    def world(self, pixels: Coordinates) -> WorldCoordinates:
+        """Return (N, 2) places of (N, 2) pixels."""
+        ...
+
+    def longitude_latitude(self, world: WorldCoordinates) -> WorldCoordinates | None:
+        """Return (N, 2) longitudes and latitudes of places; None where they are not known."""
+        ...
+
+
 def geo_place(
     file: Path,
     map_from_query: Matrix3,
@@ -207,13 +240,13 @@ def geo_place(
 
 
 def geo_place_in(
-    place: Georeference,
+    place: Ground,
     map_from_query: Matrix3,
     size: tuple[int, int],
     cameras: Intrinsics | None = None,
     expected: float | None = None,
 ) -> GeoPlace | None:
-    """Locate a query on the Earth by a homography to an image of known georeference.
+    """Locate a query on the Earth by a homography to an image whose pixels have places.
 
     See `geo_place`.
     """
@@ -226,6 +259,8 @@ def geo_place_in(
     cross = middle + step * np.array([[0, 0], [0, -1], [1, 0]])
     seen = mapped_points(map_from_query, known, cross)
     world = place.world(np.vstack([outline, seen[:1]]))
+    if not np.isfinite(world).all():
+        return None
     on_earth = place.longitude_latitude(world)
     metres = _metres_per_pixel(seen[0], place)
     error = None
@@ -243,7 +278,7 @@ def geo_place_in(
     )
 
 
-def _metres_per_pixel(pixel: WorldCoordinates, place: Georeference) -> float | None:
+def _metres_per_pixel(pixel: WorldCoordinates, place: Ground) -> float | None:
     """Return the size of a pixel of a raster on the ground; None where it cannot be converted."""
     around = place.world(pixel + np.array([[0, 0], [1, 0], [0, 1.0]]))
     sides = _in_metres(place.longitude_latitude(around))
