@@ -23,6 +23,7 @@ from nearfar import errors
 from nearfar.cli import app
 from nearfar.cli.about_command import REGISTRIES
 from nearfar.cli.options import BAD_INPUT
+from nearfar.presets import PRESETS
 from nearfar.registry import Registry
 from nearfar.settings import Settings
 
@@ -38,6 +39,7 @@ EXTRAS = {
     "geo": "TIFFs of other bands and depths; maps of GeoTIFFs, with world coordinates",
     "heif": "HEIC images",
     "colmap": "maps of images that a COLMAP model knows",
+    "paper": "the proposer `selectivesearch`: Selective Search as the package of that name has it",
     "export": "the export formats `colmap`, `hloc`, `png` and `svg`",
     "cloud": "`s3://` URLs for maps, images and results",
     "cluster": "`--scheduler`: work on a Dask cluster",
@@ -60,6 +62,7 @@ def pages() -> dict[str, str]:
         "errors.md": error_table(),
         "plugins.md": plugins(),
         "extras.md": extras(),
+        "presets.md": presets(),
     }
     return {name: NOTE + text.strip() + "\n" for name, text in written.items()}
 
@@ -228,6 +231,25 @@ def _method(name: str, function: Any) -> str:
         f"- raises `{each.type_name}`: {_plain(each.description or '')}" for each in text.raises
     ]
     return "\n".join(lines) + ("\n" if lines[1:] else "")
+
+
+def presets() -> str:
+    """Return the page of the presets and their settings."""
+    columns = [*PRESETS, "source"]
+    lines = [
+        "# Presets\n",
+        "`--as paper` takes the settings of the paper. `--as released-code` takes those of the "
+        "code that its authors released (commit de9d708).\nIn Python: "
+        "`Localizer(**nearfar.presets.PAPER.options)`. An option beside `--as` wins.\n"
+        "A section is one of the paper. [The paper, row by row](../paper.md) lists what remains "
+        "different.\n",
+        "| setting | " + " | ".join(columns) + " |\n|---|" + "---|" * len(columns),
+    ]
+    for choices in zip(*(each.choices for each in PRESETS.values()), strict=True):
+        values = [f"`{each.value}`" for each in choices]
+        sources = "; ".join(dict.fromkeys(each.source for each in choices))
+        lines.append(f"| `{choices[0].setting}` | {' | '.join(values)} | {sources} |")
+    return "\n".join(lines)
 
 
 def extras() -> str:

@@ -24,6 +24,12 @@ Channels = Literal["rgb", "bgr"]
 ProposalMode = Literal["single", "fast", "quality"]
 """Strategies of Selective Search."""
 
+InlierSide = Literal["far", "near"]
+"""Images in which the error of a homography may be measured."""
+
+ProposalSize = Literal["box", "region"]
+"""What the least size of a proposal may count: the pixels of its box, or those of its region."""
+
 DEVICES = ("auto", "cpu", "cuda", "mps")
 """Where learned matchers may run, as torch names it."""
 
@@ -91,7 +97,7 @@ class Settings:
         min_confidence: Method adaptive: report a failure if the calibrated confidence is lower.
             Answers that chance may explain (max_false_alarms) are refused whatever it is.
         max_false_alarms: Report a failure if chance alone would give more models as good as the
-            one found. inf accepts every model, as the paper does.
+            one found. inf accepts every model that the estimator gives.
         max_size: Longest side of a working image, in pixels. Larger images are reduced; 0 keeps
             the original size.
         max_pixels: Refuse images with more pixels, which may be decompression bombs.
@@ -116,14 +122,35 @@ class Settings:
         inlier_threshold: Methods that take an estimator: largest error of an inlier, in pixels. The
             error is the reprojection error or the epipolar distance. The estimators lo-ransac,
             prosac and magsac take Sampson's distance, which is smaller.
+        inlier_side: Estimator ransac: image in which the error of a homography is measured. The
+            paper's released code takes the near one.
+        pose_iterations: Estimator ransac: largest number of samples for a pose. OpenCV's default
+            for essential matrices is 1,000.
+        pose_confidence: Estimator ransac: for a pose it stops where the best model is found with
+            this probability. OpenCV's default for essential matrices is 0.999.
+        pose_farthest: Estimator ransac: a point that is farther away than this many baselines does
+            not count as in front of a camera. OpenCV's default is 50.
+        any_homography: Estimator ransac: also take homographies that their inliers do not
+            determine, since they span less than twice the threshold or lie on one line.
+        landmark_detector: Method paper: what finds and describes the keypoints inside landmarks.
+        landmark_ratio: Method paper: limit of the ratio test inside matched landmarks. 1 is mutual
+            nearest neighbours without a ratio test, as in the paper.
+        repeated_matches: Method paper: a point match counts once for each pair of landmarks that
+            holds it, as in the released code, instead of once.
+        antialias: Filter the content of boxes that a descriptor makes smaller, as PIL's bilinear
+            filter does in the released code.
         proposer: Methods paper and objects: what proposes the boxes that may hold an object.
         proposal_mode: Selective Search: strategy. The paper uses "single".
         proposal_k: Selective Search: scale parameter k of the first segmentation. By default 500
             for "single", as in the paper, and 150 for the others, as in OpenCV.
         proposal_sigma: Selective Search: smoothing before the first segmentation, in pixels.
+        proposal_min_segment: Selective Search: smallest segment of the first segmentation, in
+            pixels. 100 is OpenCV's default; the released code has 10.
         proposal_max_size: Selective Search: longest side of the image it works on, in pixels; 0
             takes the working image.
-        proposal_min_area: Drop boxes with a smaller area, in square pixels.
+        proposal_min_area: Drop boxes with a smaller size, in square pixels.
+        proposal_size: What that size counts: the box, or the region inside it. Only the proposer
+            selectivesearch knows regions.
         proposal_max_aspect: Drop boxes whose longer side is more than this many times the shorter.
         constants: Constants of each step, for experiments; not an option of the command line.
 
@@ -158,14 +185,33 @@ class Settings:
     inlier_threshold: float = field(
         default=6.0, metadata=_rule(Range(0, above=True), features=False)
     )
+    inlier_side: InlierSide = field(
+        default="far", metadata=_rule(OneOf(get_args(InlierSide)), features=False)
+    )
+    pose_iterations: int = field(default=2000, metadata=_rule(Range(1), features=False))
+    pose_confidence: float = field(
+        default=0.995, metadata=_rule(Range(0, 0.999999, above=True), features=False)
+    )
+    pose_farthest: float = field(default=1e6, metadata=_rule(Range(0, above=True), features=False))
+    any_homography: bool = field(default=False, metadata={"features": False})
+    landmark_detector: str = "sift"
+    landmark_ratio: float = field(
+        default=1.0, metadata=_rule(Range(0, 1, above=True), features=False)
+    )
+    repeated_matches: bool = field(default=False, metadata={"features": False})
+    antialias: bool = False
     proposer: str = "selective-search"
     proposal_mode: ProposalMode = field(
         default="single", metadata=_rule(OneOf(get_args(ProposalMode)))
     )
     proposal_k: int | None = field(default=None, metadata=_rule(Range(0, above=True)))
     proposal_sigma: float = field(default=0.9, metadata=_rule(Range(0, 100, above=True)))
+    proposal_min_segment: int = field(default=100, metadata=_rule(Range(1)))
     proposal_max_size: int = field(default=0, metadata=_rule(Range(0)))
     proposal_min_area: int = field(default=200, metadata=_rule(Range(0)))
+    proposal_size: ProposalSize = field(
+        default="box", metadata=_rule(OneOf(get_args(ProposalSize)))
+    )
     proposal_max_aspect: float = field(default=3.0, metadata=_rule(Range(1)))
     constants: Constants = field(default=DEFAULT, metadata={"features": False})
 

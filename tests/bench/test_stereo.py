@@ -10,7 +10,14 @@ from scipy.ndimage import gaussian_filter
 
 from nearfar import Localizer
 from nearfar.bench.datasets.cases import Case, Stereo
-from nearfar.bench.evaluate import metric_scale, stereo_depth, triangulated_depth
+from nearfar.bench.evaluate import (
+    RELEASED_DISPARITIES,
+    evaluate,
+    failure_columns,
+    metric_scale,
+    stereo_depth,
+    triangulated_depth,
+)
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from tests.scenes import two_views
@@ -73,3 +80,16 @@ def test_length_of_a_sideways_move(tmp_path: Path) -> None:
     found = Localizer(method="sift").localize(case.far, case.near, intrinsics=case.intrinsics)
     unit = RelativePose(np.eye(3), np.array([1.0, 0, 0]))
     assert metric_scale(unit, found, case) == pytest.approx(1.2, rel=0.05)
+    # A depth of 10 m has a disparity of 25 pixels, which 16 disparities do not find.
+    narrow = metric_scale(unit, found, case, RELEASED_DISPARITIES)
+    assert narrow is None or narrow > 2
+    errors = evaluate(case, found)
+    assert errors["t_err_stereo"] == pytest.approx(0, abs=0.1)
+    assert errors["t_err_released"] is not None
+    assert errors["t_err_released"] > 0.5
+    assert errors["t_err_released_length"] == pytest.approx(0, abs=0.05)
+    PillowImage.fromarray(np.full((400, 600, 3), 90, np.uint8)).save(tmp_path / "right.png")
+    errors = evaluate(case, found)
+    assert errors["no_stereo_scale"] is True
+    assert errors["t_err_released"] == 1
+    assert failure_columns(case)["no_stereo_scale"] is True

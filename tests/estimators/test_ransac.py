@@ -1,6 +1,7 @@
 """RANSAC on exact synthetic problems, and on everything that OpenCV trips over."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ def task(model: ModelKind) -> Task:
     return Task(model, CAMERA, CAMERA) if model == "pose" else Task(model)
 
 
-def ransac(**options: float) -> Ransac:
+def ransac(**options: Any) -> Ransac:
     return Ransac("ransac", Settings().replace(**options))
 
 
@@ -179,3 +180,41 @@ def test_the_seed_decides() -> None:
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+def test_error_is_measured_in_the_image_of_the_settings() -> None:
+    """The near image is three times as large, so 4 near pixels are 1.3 far pixels."""
+    rng = np.random.default_rng(0)
+    near = rng.uniform(0, 900, (60, 2))
+    far = near / 3 + rng.uniform(-1.3, 1.3, (60, 2))
+    in_far, in_near = (
+        ransac(inlier_side=side, inlier_threshold=2).estimate(far, near, Task("homography"))
+        for side in ("far", "near")
+    )
+    assert in_far.inliers.sum() > 50
+    assert 4 <= in_near.inliers.sum() < in_far.inliers.sum()
+    model = in_near.far_from_near
+    assert isinstance(model, np.ndarray)
+    back = transfer_errors(np.linalg.inv(model), near, far)
+    assert (back[in_near.inliers] < 2.01).all()
+
+
+def test_homographies_that_inliers_do_not_determine_are_kept_on_demand() -> None:
+    """All far points within 2 pixels: any transform to about one point explains them."""
+    rng = np.random.default_rng(1)
+    near, far = rng.uniform(0, 900, (40, 2)), 100 + rng.uniform(-1, 1, (40, 2))
+    assert ransac().estimate(far, near, Task("homography")).far_from_near is None
+    found = ransac(any_homography=True).estimate(far, near, Task("homography"))
+    assert found.far_from_near is not None
+
+
+def test_constants_of_poses_are_used() -> None:
+    views = two_views(np.random.default_rng(3), right=60, wrong=60, noise=0.3)
+    wanted = Task("pose", views.far_intrinsics, views.near_intrinsics)
+    usual, few, near_only = (
+        ransac(**options).estimate(views.far, views.near, wanted)
+        for options in ({}, {"pose_iterations": 1}, {"pose_farthest": 1e-3})
+    )
+    assert usual.inliers.sum() > few.inliers.sum()
+    assert usual.far_from_near is not None
+    assert near_only.far_from_near is None

@@ -124,6 +124,19 @@ def test_matches_lie_in_a_pair_of_boxes_and_are_distinct(seed: int) -> None:
         assert (in_far & in_near).any()
 
 
+def test_matches_of_nested_boxes_may_be_repeated_or_tested_by_their_ratio() -> None:
+    rng = np.random.default_rng(4)
+    far, near = random_sift(rng, 60), random_sift(rng, 60)
+    near = replace(near, descriptors=np.vstack([far.descriptors[:9], near.descriptors[9:]]))
+    boxes = np.array([[-5, -5, 1000, 1000], [-4, -4, 990, 990]], np.int32)
+    once = match_mnn_in_boxes(far, near, boxes, boxes)
+    twice = match_mnn_in_boxes(far, near, boxes, boxes, repeated=True)
+    np.testing.assert_array_equal(twice, np.repeat(once, 2, axis=0))
+    tested = match_mnn_in_boxes(far, near, boxes, boxes, ratio=0.9)
+    np.testing.assert_array_equal(tested, match_snn(far, near, 0.9))
+    assert 0 < len(tested) < len(once)
+
+
 def inside(xy: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     pixel = np.floor(xy + 0.5)
     result: np.ndarray = (pixel >= boxes[:, :2]).all(axis=1) & (

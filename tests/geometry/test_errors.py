@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from nearfar.geometry.epipolar import fundamental_from_pose
+from nearfar.geometry.epipolar import RelativePose, fundamental_from_pose
 from nearfar.geometry.errors import (
     direction_angle,
     published_symmetric_transfer_error,
+    released_translation_error,
     rotation_angle,
     rotation_error,
     symmetric_epipolar_distances,
@@ -48,6 +49,34 @@ def test_published_variant_leaves_out_the_division() -> None:
     assert symmetric_transfer_error(doubled, points, points) == pytest.approx(0)
     # 2p - p there and p / 2 - p back: 5 and 2.5.
     assert published_symmetric_transfer_error(doubled, points, points) == pytest.approx(7.5)
+
+
+def test_published_variant_takes_the_inverse_of_the_other_direction_as_it_is() -> None:
+    """The released code estimates near_from_far, with a lower right element of 1."""
+    rng = np.random.default_rng(3)
+    near_from_far = random_homography(rng)
+    near_from_far /= near_from_far[2, 2]
+    far, near = rng.uniform(0, 100, (2, 10, 2))
+
+    def mapped(matrix: np.ndarray, xy: np.ndarray) -> np.ndarray:
+        return np.asarray((np.column_stack([xy, np.ones(10)]) @ matrix.T)[:, :2])
+
+    inverse = np.linalg.inv(near_from_far)
+    there = np.linalg.norm(far - mapped(inverse, near), axis=1).sum()
+    back = np.linalg.norm(near - mapped(near_from_far, far), axis=1).sum()
+    for scale in (1.0, 1 / inverse[2, 2], -7.0):  # How the homography is scaled does not matter.
+        found = published_symmetric_transfer_error(scale * inverse, far, near)
+        assert found == pytest.approx(there + back)
+
+
+def test_released_translation_error_by_hand() -> None:
+    """In the near frame a turn by 180 degrees counts, and the error is a share of the truth."""
+    truth = RelativePose(np.eye(3), np.array([0, 0, 4.0]))
+    assert released_translation_error(RelativePose(np.eye(3), np.array([0, 0, 1.0])), truth, 1) == (
+        pytest.approx(3 / 4)
+    )
+    turned = RelativePose(np.diag([-1.0, 1, -1]), np.array([0, 0, 1.0]))
+    assert released_translation_error(turned, truth, 4) == pytest.approx(2)
 
 
 @given(seeds)

@@ -1,11 +1,15 @@
 """Selective Search: the paper's filters, order, reduced size."""
 
 from collections.abc import Callable
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from nearfar.arrays import Boxes, RGBPixels
+from nearfar.errors import SettingsError
+from nearfar.proposals import PROPOSERS, canonical, keep_object_like
 from nearfar.proposals.selective_search import SelectiveSearch
 from nearfar.settings import Settings
 
@@ -64,3 +68,39 @@ def test_flat_and_tiny_images_have_no_objects(size: tuple[int, int]) -> None:
     boxes = boxes_of(np.full((*size, 3), 128, np.uint8))
     assert boxes.shape[1] == 4
     assert len(boxes) <= 1
+
+
+def test_opencvs_smallest_segment_is_the_default_and_a_smaller_one_gives_more_boxes(
+    photograph: Callable[[str], RGBPixels],
+) -> None:
+    image = np.ascontiguousarray(photograph("chelsea")[:200, :250])
+    search = cv2.ximgproc.segmentation.createSelectiveSearchSegmentation()
+    search.setBaseImage(np.ascontiguousarray(image[..., ::-1]))
+    search.switchToSingleStrategy(500, 0.9)
+    usual = canonical(keep_object_like(np.asarray(search.process(), np.int32), 200, 3))
+    np.testing.assert_array_equal(boxes_of(image), usual)
+    assert len(boxes_of(image, proposal_min_segment=10)) > len(usual)
+
+
+def test_the_package_tells_boxes_of_large_regions_from_large_boxes(
+    photograph: Callable[[str], RGBPixels],
+) -> None:
+    image = np.ascontiguousarray(photograph("chelsea")[:100, :120])
+    chosen = Settings(
+        proposal_k=50, proposal_min_segment=10, proposal_min_area=400, proposal_max_aspect=10
+    )
+    box, region = (
+        PROPOSERS.create("selectivesearch", chosen.replace(proposal_size=size)).propose(image)
+        for size in ("box", "region")
+    )
+    assert 0 < len(region) < len(box)
+    assert {tuple(each) for each in region} <= {tuple(each) for each in box}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"proposal_size": "region"}, {"proposal_mode": "fast", "proposal_min_segment": 10}],
+)
+def test_what_opencv_lacks_is_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(SettingsError, match=r"choose|leave out"):
+        boxes_of(np.zeros((9, 9, 3), np.uint8), **options)

@@ -13,6 +13,7 @@ from nearfar.geometry.errors import (
     PAPER_FAILURE_STE,
     direction_angle,
     published_symmetric_transfer_error,
+    released_translation_error,
     rotation_angle,
     rotation_error,
     symmetric_epipolar_distances,
@@ -88,6 +89,12 @@ class PoseErrors:
         t_err_unit: the paper's error of the translation, with the unit length of the estimate.
         t_err_length: that error with the true length, so that only the direction counts.
         t_err_stereo: that error with the length from stereo; None without a right image.
+        t_err_released: error as the authors' released code has it: in the frame of the near camera,
+            with the length from stereo of 16 disparities, as a share of the true length. It is 1
+            without that length, and None without a right image.
+        t_err_released_length: that error with the true length instead.
+        no_stereo_scale: whether stereo of 16 disparities gives no length, which the authors count
+            as a failure; None without a right image.
     """
 
     error: float = np.inf
@@ -99,6 +106,9 @@ class PoseErrors:
     t_err_unit: float = 1.0
     t_err_length: float = 1.0
     t_err_stereo: float | None = None
+    t_err_released: float | None = None
+    t_err_released_length: float = 1.0
+    no_stereo_scale: bool | None = None
 
 
 def evaluate(case: Case, found: Localization) -> Columns:
@@ -123,7 +133,9 @@ def evaluate(case: Case, found: Localization) -> Columns:
 def failure_columns(case: Case) -> Columns:
     """Return the errors of a case without an answer."""
     if case.model == "pose":
-        return _columns(PoseErrors(t_err_stereo=None if case.stereo is None else 1.0))
+        if case.stereo is None:
+            return _columns(PoseErrors())
+        return _columns(PoseErrors(t_err_stereo=1.0, t_err_released=1.0, no_stereo_scale=True))
     return _columns(HomographyErrors() if case.model == "homography" else PointErrors())
 
 
@@ -168,12 +180,15 @@ def _pose_errors(case: Case, pose: RelativePose, found: Localization) -> PoseErr
     direction = direction_angle(pose.translation, true_translation)
     error = max(rotation, direction)
     length = np.linalg.norm(true_translation)
-    stereo = None
+    stereo, released, no_scale = None, None, None
     if case.stereo is not None:
         scale = metric_scale(pose, found, case)
         stereo = (
             1.0 if scale is None else translation_error(scale * pose.translation, true_translation)
         )
+        narrow = metric_scale(pose, found, case, RELEASED_DISPARITIES)
+        no_scale = narrow is None
+        released = 1.0 if narrow is None else released_translation_error(pose, case.pose, narrow)
     return PoseErrors(
         error=error,
         strict=error < STRICT_DEGREES,
@@ -184,6 +199,9 @@ def _pose_errors(case: Case, pose: RelativePose, found: Localization) -> PoseErr
         t_err_unit=translation_error(pose.translation, true_translation),
         t_err_length=translation_error(length * pose.translation, true_translation),
         t_err_stereo=stereo,
+        t_err_released=released,
+        t_err_released_length=released_translation_error(pose, case.pose, float(length)),
+        no_stereo_scale=no_scale,
     )
 
 
@@ -197,15 +215,20 @@ def _columns(errors: PointErrors | PoseErrors) -> Columns:
 
 DISPARITIES, BLOCK_SIZE = 128, 15
 """Range of disparities and side of the window of the block matching, in pixels."""
+RELEASED_DISPARITIES = 16
+"""Range of disparities of the authors' released code: nothing nearer than 24 m on KITTI."""
 
 
-def metric_scale(pose: RelativePose, found: Localization, case: Case) -> float | None:
+def metric_scale(
+    pose: RelativePose, found: Localization, case: Case, disparities: int = DISPARITIES
+) -> float | None:
     """Estimate metres per unit of the translation: median of stereo over triangulated depth.
 
     Args:
         pose: relative pose with a translation of unit length.
         found: the localization, whose inliers are used.
         case: case with a stereo camera and intrinsics.
+        disparities: range of disparities of the block matching, a multiple of 16, in pixels.
 
     Returns:
         The scale, or None where no inlier has both depths.
@@ -218,7 +241,8 @@ def metric_scale(pose: RelativePose, found: Localization, case: Case) -> float |
         return None
     triangulated = triangulated_depth(pose, far, near, *cameras)
     left, right = (read_image(path).pixels for path in (case.far, case.stereo.right))
-    measured = stereo_depth(left, right, far, case.stereo.baseline * cameras[0].fx)
+    focal_baseline = case.stereo.baseline * cameras[0].fx
+    measured = stereo_depth(left, right, far, focal_baseline, disparities)
     valid = (triangulated > 0) & np.isfinite(triangulated) & np.isfinite(measured)
     return float(np.median(measured[valid] / triangulated[valid])) if valid.any() else None
 
@@ -240,7 +264,11 @@ def triangulated_depth(
 
 
 def stereo_depth(
-    left: NDArray[np.uint8], right: NDArray[np.uint8], xy: Coordinates, focal_baseline: float
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    xy: Coordinates,
+    focal_baseline: float,
+    disparities: int = DISPARITIES,
 ) -> NDArray[np.float64]:
     """Measure (N,) depths in metres at (N, 2) pixels of the left image; NaN without a match.
 
@@ -249,9 +277,10 @@ def stereo_depth(
         right: (height, width, 3), rectified to the left image.
         xy: pixels of the left image.
         focal_baseline: focal length in pixels times baseline in metres.
+        disparities: range of disparities, a multiple of 16, in pixels.
     """
     grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (left, right)]
-    disparity = cv2.StereoBM_create(DISPARITIES, BLOCK_SIZE).compute(*grey) / 16.0
+    disparity = cv2.StereoBM_create(disparities, BLOCK_SIZE).compute(*grey) / 16.0
     height, width = disparity.shape
     column, row = np.rint(xy).astype(np.intp).T
     at_points = disparity[row.clip(0, height - 1), column.clip(0, width - 1)]

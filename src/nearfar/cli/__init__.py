@@ -16,6 +16,7 @@ from nearfar.cli.demo_command import demo_command
 from nearfar.cli.localize_command import localize_command
 from nearfar.cli.map_command import map_app
 from nearfar.cli.options import BAD_INPUT
+from nearfar.cli.presets import apply_preset
 from nearfar.cli.standard_input import with_names
 from nearfar.cli.track_command import track_command
 from nearfar.cli.train_command import train_app
@@ -26,6 +27,7 @@ app = App(
     name="nearfar",
     help="Find where a close-up lies in an overview photograph, across large changes of scale.",
     version=__version__,
+    config=apply_preset,
 )
 app.command(localize_command, name="localize")
 app.command(list_command, name="list")

@@ -24,6 +24,7 @@ from nearfar.cli.options import (
     WorkOptions,
     with_weights,
 )
+from nearfar.cli.presets import AsOption, say_deviations
 from nearfar.cli.standard_input import STANDARD_INPUT, files_of, shown
 from nearfar.cli.world_text import corners_text, place_text
 from nearfar.errors import ImageError, MissingExtraError, SettingsError
@@ -102,6 +103,7 @@ def localize_command(
         tuple[str, ...], Parameter(negative="", metavar="FORMAT", show_default=False)
     ] = (),
     dem: Path | None = None,
+    preset: AsOption = None,
     weights: WeightOptions = (),
     batch: BatchOptions = ONE_PAIR,
     work: WorkOptions = DEFAULT_WORK,
@@ -140,6 +142,8 @@ def localize_command(
             GIS: geojson, geopackage, geotiff, kml, kmz, world-file. Ground control points:
             gdal-gcps, odm, qgis-points.
         dem: Raster of heights in metres, for the heights of --export odm.
+        preset: Take the settings of the paper, or those of the code that its authors released
+            (nearfar.presets lists them). Options beside it win. They need the weights of ResNet-50.
         weights: Weights of a network, e.g. resnet50=resnet50.pth; may be repeated.
     """
     if top < 1:
@@ -156,7 +160,9 @@ def localize_command(
         _check_options(batch, far_mask, near_mask, top)
         known = None if cameras is None else read_cameras(cameras)
         how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save)
-        return localize_batch(batch.read(far, near), how, work, batch.out, save)
+        pairs = batch.read(far, near)
+        say_deviations([chosen], preset)
+        return localize_batch(pairs, how, work, batch.out, save)
     if far is None or not near:
         raise SettingsError(GIVE_IMAGES)
     saved, exported = [], Exported((), {})
@@ -171,6 +177,7 @@ def localize_command(
             saved = save_localization(found, save, images=files, top=top)
             exported = export_all(subject, exporters, save)
     saved += exported.files
+    say_deviations([chosen], preset)
     sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
     for name, reason in exported.failed.items():
         sys.stderr.write(f"nearfar: not exported as {name}: {reason}\n")

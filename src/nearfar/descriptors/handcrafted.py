@@ -50,7 +50,7 @@ class HOG:
     """
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
-        self._batch_size = settings.batch_size
+        self._batch_size, self._antialias = settings.batch_size, settings.antialias
 
     @property
     def dimensions(self) -> int:
@@ -63,7 +63,7 @@ class HOG:
         vectors = np.empty((len(boxes), hog.getDescriptorSize()), np.float32)
         for start in range(0, len(boxes), self._batch_size):
             batch = slice(start, start + self._batch_size)
-            crops = crop_resized(pixels, boxes[batch], SIZE)
+            crops = crop_resized(pixels, boxes[batch], SIZE, antialias=self._antialias)
             for row, crop in zip(vectors[batch], crops, strict=True):
                 row[:] = np.asarray(hog.compute(crop)).ravel()
         return unit_rows(vectors)

@@ -22,11 +22,12 @@ class NetworkDescriptor:
 
     Args:
         model: ONNX model with one output, for crops of one size.
-        batch_size: number of crops that pass through the network together.
+        settings: `batch_size` and `antialias` are used.
     """
 
-    def __init__(self, model: bytes, batch_size: int) -> None:
-        self._network = CropNetwork(model, batch_size)
+    def __init__(self, model: bytes, settings: Settings) -> None:
+        batch, antialias = settings.batch_size, settings.antialias
+        self._network = CropNetwork(model, batch, antialias=antialias)
 
     @property
     def dimensions(self) -> int:
@@ -57,7 +58,7 @@ class Nearfar(NetworkDescriptor):
         output = landmark_network.part(
             self._model, landmark_network.LANDMARKS, landmark_network.CROP
         )
-        super().__init__(output, settings.batch_size)
+        super().__init__(output, settings)
 
     def feature_map(self, pixels: RGBPixels) -> FeatureMap:
         """See `DenseDescriptor.feature_map`: 64 values every 8 pixels.
@@ -96,7 +97,7 @@ class ResNet50(NetworkDescriptor):
     def __init__(self, name: str, settings: Settings) -> None:
         tap, _, size = name.removeprefix("resnet50-").partition("@")
         tensors = read_weights(weights_file("resnet50", settings))
-        super().__init__(resnet50.resnet50_model(tensors, (tap,), int(size)), settings.batch_size)
+        super().__init__(resnet50.resnet50_model(tensors, (tap,), int(size)), settings)
 
 
 @DESCRIPTORS.register(
@@ -116,7 +117,7 @@ class SqueezeNet(NetworkDescriptor):
     def __init__(self, name: str, settings: Settings) -> None:
         self._tap, _, size = name.removeprefix("squeezenet-").partition("@")
         self._tensors = read_weights(weights_file("squeezenet", settings))
-        super().__init__(self._output(int(size)), settings.batch_size)
+        super().__init__(self._output(int(size)), settings)
 
     def feature_map(self, pixels: RGBPixels) -> FeatureMap:
         """See `DenseDescriptor.feature_map`; the size in the name does not matter here.

@@ -15,6 +15,7 @@ from nearfar.verification.degeneracy import (
     determines_homography,
     distinct_matches,
     finite_rows,
+    is_invertible,
     is_model,
 )
 
@@ -89,7 +90,13 @@ def fit_guarded(
 
 
 def checked_homography(
-    matrix: Any, inliers: Any, far: Coordinates, near: Coordinates, threshold: float
+    matrix: Any,
+    inliers: Any,
+    far: Coordinates,
+    near: Coordinates,
+    threshold: float,
+    *,
+    any_invertible: bool = False,
 ) -> tuple[Matrix3, Mask] | None:
     """Return a library's homography and inliers, or None if they do not determine one.
 
@@ -99,10 +106,13 @@ def checked_homography(
         far: (K, 2) far points in pixels.
         near: (K, 2) near points in pixels.
         threshold: largest error of an inlier, in pixels.
+        any_invertible: return every matrix that has an inverse, whatever its inliers.
     """
     if not is_model(matrix):
         return None
     mask = np.asarray(inliers, np.bool_).ravel()
+    if any_invertible:
+        return (normalized(matrix), mask) if is_invertible(matrix) else None
     if not determines_homography(matrix, far, near, mask, threshold):
         return None
     return normalized(matrix), mask

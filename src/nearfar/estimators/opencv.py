@@ -1,6 +1,7 @@
 """OpenCV's estimators: the paper's plain RANSAC, and MAGSAC++."""
 
 from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,12 +12,10 @@ from nearfar.estimators.lo_ransac import LoRansac
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.models import LEAST_MATCHES, Estimate, Task
 from nearfar.settings import Settings
-from nearfar.verification.degeneracy import is_model
+from nearfar.verification.degeneracy import is_invertible, is_model
 
 RANSAC_CONFIDENCE, RANSAC_ITERATIONS = 0.995, 2000
-"""OpenCV's defaults for a homography, used for every model."""
-FARTHEST = 1e6
-"""A point that is farther away than this many baselines does not count as in front of a camera."""
+"""OpenCV's defaults for a homography, used for fundamental matrices as well."""
 MAGSAC_CONFIDENCE, MAGSAC_ITERATIONS = 0.9999, 10_000
 
 
@@ -28,6 +27,7 @@ class Ransac:
     """
 
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
+        self._settings = settings
         self._threshold, self._seed = settings.inlier_threshold, settings.seed
 
     def estimate(self, far: Coordinates, near: Coordinates, task: Task) -> Estimate:
@@ -39,21 +39,35 @@ class Ransac:
         self, far: Coordinates, near: Coordinates, task: Task
     ) -> tuple[Matrix3 | RelativePose, Mask] | None:
         if task.model == "pose":
-            return _fit_pose(far, near, self._threshold, *task.cameras)
+            return _fit_pose(far, near, self._settings, *task.cameras)
         if task.model == "fundamental":
             matrix, mask = cv2.findFundamentalMat(
                 near, far, cv2.FM_RANSAC, self._threshold, RANSAC_CONFIDENCE, RANSAC_ITERATIONS
             )
             return checked_fundamental(matrix, mask)
-        matrix, mask = cv2.findHomography(
-            near,
+        matrix, mask = self._homography(far, near)
+        return checked_homography(
+            matrix,
+            mask,
             far,
+            near,
+            self._threshold,
+            any_invertible=self._settings.any_homography,
+        )
+
+    def _homography(self, far: Coordinates, near: Coordinates) -> tuple[Any, Any]:
+        """Return OpenCV's `far_from_near`, with the error measured in the image of the settings."""
+        in_far = self._settings.inlier_side == "far"
+        matrix, mask = cv2.findHomography(
+            *((near, far) if in_far else (far, near)),
             cv2.RANSAC,
             self._threshold,
             maxIters=RANSAC_ITERATIONS,
             confidence=RANSAC_CONFIDENCE,
         )
-        return checked_homography(matrix, mask, far, near, self._threshold)
+        if in_far or not is_model(matrix):
+            return matrix, mask
+        return (np.linalg.inv(matrix), mask) if is_invertible(matrix) else (None, mask)
 
 
 @ESTIMATORS.register("magsac")
@@ -110,7 +124,7 @@ def magsac_parameters(threshold: float, seed: int, model: str) -> cv2.UsacParams
 def _fit_pose(
     far: Coordinates,
     near: Coordinates,
-    threshold: float,
+    settings: Settings,
     far_intrinsics: Matrix3,
     near_intrinsics: Matrix3,
 ) -> tuple[RelativePose, Mask] | None:
@@ -121,9 +135,9 @@ def _fit_pose(
         far_rays,
         np.eye(3),
         cv2.RANSAC,
-        RANSAC_CONFIDENCE,
-        2 * threshold / (far_focal + near_focal),
-        RANSAC_ITERATIONS,
+        settings.pose_confidence,
+        2 * settings.inlier_threshold / (far_focal + near_focal),
+        settings.pose_iterations,
     )
     if not is_model(essential):
         return None
@@ -131,7 +145,11 @@ def _fit_pose(
     if inliers.sum() < LEAST_MATCHES["pose"]:
         return None
     in_front, rotation, translation, _, _ = cv2.recoverPose(
-        essential, near_rays[inliers], far_rays[inliers], np.eye(3), distanceThresh=FARTHEST
+        essential,
+        near_rays[inliers],
+        far_rays[inliers],
+        np.eye(3),
+        distanceThresh=settings.pose_farthest,
     )
     if in_front == 0 or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         return None

@@ -60,7 +60,13 @@ def match_fginn(
 
 
 def match_mnn_in_boxes(
-    far: Keypoints, near: Keypoints, far_boxes: Boxes, near_boxes: Boxes
+    far: Keypoints,
+    near: Keypoints,
+    far_boxes: Boxes,
+    near_boxes: Boxes,
+    *,
+    ratio: float = 1.0,
+    repeated: bool = False,
 ) -> IndexPairs:
     """Return mutual nearest neighbours inside each pair of matched boxes (paper, section III).
 
@@ -69,18 +75,20 @@ def match_mnn_in_boxes(
         near: M keypoints of the near image.
         far_boxes: (B, 4) boxes (x, y, width, height) in pixels of the far image.
         near_boxes: (B, 4) boxes of the near image; row i is matched to row i of `far_boxes`.
+        ratio: limit of the ratio test inside the boxes, see `match_snn`; 1 does not test.
+        repeated: keep a match once for each pair of boxes that holds it.
 
     Returns:
-        (K, 2) distinct indices into far and near of all pairs of boxes, sorted.
+        (K, 2) indices into far and near of all pairs of boxes, sorted; distinct unless repeated.
     """
     found = [np.empty((0, 2), np.intp)]
     for far_box, near_box in zip(far_boxes, near_boxes, strict=True):
         far_inside, near_inside = _inside(far.xy, far_box), _inside(near.xy, near_box)
-        pairs = mutual_nearest(
-            far.descriptors[far_inside], near.descriptors[near_inside], negative_squared_distance
-        )
+        own, other = far[far_inside], near[near_inside]
+        pairs = match_mnn(own, other) if ratio == 1 else match_snn(own, other, ratio)
         found.append(np.column_stack([far_inside[pairs[:, 0]], near_inside[pairs[:, 1]]]))
-    return np.unique(np.vstack(found), axis=0)
+    pairs = np.vstack(found)
+    return pairs[np.lexsort(pairs.T[::-1])] if repeated else np.unique(pairs, axis=0)
 
 
 def one_match_per_cell(

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
-from nearfar.geometry.homography import transform
+from nearfar.geometry.epipolar import RelativePose
+from nearfar.geometry.homography import normalized, transform
 
 PAPER_FAILURE_STE = 15_833_861_380.8
 """Symmetric transfer error that the paper gives to a pair without a homography."""
@@ -34,8 +35,13 @@ def symmetric_transfer_error(far_from_near: Matrix3, far: Coordinates, near: Coo
 def published_symmetric_transfer_error(
     far_from_near: Matrix3, far: Coordinates, near: Coordinates
 ) -> float:
-    """Return STE as the authors' published code computes it: without the homogeneous division."""
-    near_from_far = np.linalg.inv(far_from_near)
+    """Return STE as the authors' published code computes it: without the homogeneous division.
+
+    That code estimates the homography from far to near, whose lower right element is 1, and takes
+    its inverse as it is.
+    """
+    near_from_far = normalized(np.linalg.inv(far_from_near))
+    far_from_near = np.linalg.inv(near_from_far)
     there = far - _without_division(far_from_near, near)
     back = near - _without_division(near_from_far, far)
     return float(np.linalg.norm(there, axis=1).sum() + np.linalg.norm(back, axis=1).sum())
@@ -89,3 +95,16 @@ def translation_error(translation: NDArray[np.float64], truth: NDArray[np.float6
     """
     total = np.linalg.norm(translation) + np.linalg.norm(truth)
     return float(np.linalg.norm(translation - truth) / total) if total > 0 else 0.0
+
+
+def released_translation_error(pose: RelativePose, truth: RelativePose, length: float) -> float:
+    """Return t_err as the authors' released code computes it: |t - t'| / |t'| in the near frame.
+
+    Args:
+        pose: the estimate, whose translation has length 1.
+        truth: the true pose, whose translation is not 0.
+        length: length of the translation of the estimate, in units of the truth.
+    """
+    found = -length * pose.rotation.T @ pose.translation
+    true = -truth.rotation.T @ truth.translation
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))

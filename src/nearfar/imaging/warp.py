@@ -2,6 +2,8 @@
 
 import cv2
 import numpy as np
+from PIL import Image as PillowImage
+from PIL.Image import Resampling
 
 from nearfar.arrays import Boxes, Matrix3, RGBPixels
 from nearfar.geometry.homography import local_scale, scaling, transform
@@ -40,13 +42,16 @@ def warped(pixels: RGBPixels, frame_from_image: Matrix3, size: tuple[int, int]) 
     return np.asarray(seen)
 
 
-def crop_resized(pixels: RGBPixels, boxes: Boxes, size: int) -> RGBPixels:
+def crop_resized(
+    pixels: RGBPixels, boxes: Boxes, size: int, *, antialias: bool = False
+) -> RGBPixels:
     """Return the content of each box, resized bilinearly to a square (paper, section III).
 
     Args:
         pixels: (height, width, 3).
         boxes: (N, 4) boxes inside the image.
         size: side of the squares in pixels.
+        antialias: widen the bilinear filter where a box is made smaller, as PIL does.
 
     Returns:
         (N, size, size, 3).
@@ -54,5 +59,9 @@ def crop_resized(pixels: RGBPixels, boxes: Boxes, size: int) -> RGBPixels:
     crops = np.empty((len(boxes), size, size, 3), np.uint8)
     for crop, (x, y, width, height) in zip(crops, boxes, strict=True):
         region = pixels[y : y + height, x : x + width]
+        if antialias:
+            square = PillowImage.fromarray(region).resize((size, size), Resampling.BILINEAR)
+            crop[:] = np.asarray(square)
+            continue
         cv2.resize(region, (size, size), dst=crop, interpolation=cv2.INTER_LINEAR)
     return crops

@@ -68,11 +68,13 @@ class CropNetwork:
     Args:
         model: ONNX model from `GraphBuilder.serialized`.
         batch_size: crops that are run together; bounds the memory.
+        antialias: whether boxes that are made smaller are filtered, see `crop_resized`.
     """
 
-    def __init__(self, model: bytes, batch_size: int) -> None:
+    def __init__(self, model: bytes, batch_size: int, *, antialias: bool = False) -> None:
         self._session = session(model)
         self._batch_size = batch_size
+        self._antialias = antialias
         self._size = int(self._session.get_inputs()[0].shape[1])
 
     @property
@@ -98,7 +100,8 @@ class CropNetwork:
         vectors = [np.empty((len(boxes), length), np.float16) for length in self.dimensions]
         for start in range(0, len(boxes), self._batch_size):
             batch = slice(start, start + self._batch_size)
-            outputs = self.run(crop_resized(pixels, boxes[batch], self._size))
+            crops = crop_resized(pixels, boxes[batch], self._size, antialias=self._antialias)
+            outputs = self.run(crops)
             for rows, output in zip(vectors, outputs, strict=True):
                 rows[batch] = unit_rows(output)
         return vectors

@@ -32,7 +32,12 @@ Row = dict[str, Any]
 """One line of a result file: one case and one method."""
 
 RECORD = "run.json"
-ADDED = ("detector", "matcher", "device", "bands", "channels", "allow_mirrored")
+ADDED = (
+    "detector", "matcher", "device", "bands", "channels", "allow_mirrored",
+    "inlier_side", "pose_iterations", "pose_confidence", "pose_farthest", "any_homography",
+    "landmark_detector", "landmark_ratio", "repeated_matches", "antialias",
+    "proposal_min_segment", "proposal_size",
+)  # fmt: skip
 """Settings that nearfar 0.1.0 did not have. Their defaults are left out of the hash of settings, so
 that its rows resume."""
 PART_SECONDS = 10.0

@@ -27,6 +27,11 @@ def is_model(matrix: NDArray[np.float64] | None) -> bool:
     return matrix is not None and matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
 
 
+def is_invertible(matrix: NDArray[np.float64]) -> bool:
+    """Return whether a finite (3, 3) matrix has an inverse in double precision."""
+    return bool(np.linalg.cond(matrix) <= 1 / np.finfo(np.float64).eps)
+
+
 def determines_homography(
     matrix: NDArray[np.float64],
     far: Coordinates,
@@ -47,7 +52,7 @@ def determines_homography(
         inliers: (N,) the matches that agree with it.
         threshold: largest reprojection error of an inlier, in far pixels.
     """
-    if np.linalg.cond(matrix) > 1 / np.finfo(np.float64).eps or inliers.sum() < 4:
+    if not is_invertible(matrix) or inliers.sum() < 4:
         return False
     far, near = far[inliers], near[inliers]
     spread = np.ptp(far, axis=0).max() >= 2 * threshold

@@ -13,7 +13,6 @@ from nearfar.bench.runner import Task, localize_start, localized_columns, resume
 from nearfar.bench.studies.tap_features import NETWORKS, Tap, TapFeatures, TapMethod, taps_of
 from nearfar.bench.tables import distinct, markdown
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
-from nearfar.estimators import ESTIMATORS
 from nearfar.localizer import Localizer
 from nearfar.networks.weights import weights_file
 from nearfar.runtime.workers import Workers
@@ -187,11 +186,8 @@ def _localizers(sources: _Sources) -> dict[str, Localizer]:
     some = sources.variants[0]
     taps = [tap for name in variants for tap in taps_of(name)]
     features = TapFeatures(taps, some, sources.folder, sources.disk_bytes)
-    estimator = ESTIMATORS.create(some.estimator, some)
     return {
-        name: Localizer(
-            variant, cache_bytes=0, engine=TapMethod(features, taps_of(name), estimator)
-        )
+        name: Localizer(variant, cache_bytes=0, engine=TapMethod(features, taps_of(name), variant))
         for name, variant in variants.items()
     }
 

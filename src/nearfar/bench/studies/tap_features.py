@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Boxes, RGBPixels, Vectors
 from nearfar.errors import SettingsError
-from nearfar.estimators import Estimator
-from nearfar.features.detection import detect_sift
+from nearfar.features import DETECTORS
 from nearfar.features.keypoints import Keypoints
 from nearfar.landmarks import LandmarkLayers, Landmarks
-from nearfar.methods.paper import PaperFeatures, match_and_estimate
+from nearfar.methods.paper import PaperFeatures, PaperSteps
 from nearfar.models import Answer, Task
 from nearfar.networks import resnet50, squeezenet
 from nearfar.networks.runner import CropNetwork
@@ -159,7 +158,7 @@ class TapFeatures:
 
     Args:
         taps: all outputs that will be needed; those of one network and size come from one pass.
-        settings: proposer, weights and batch size.
+        settings: proposer, detector of points, weights, batch size and filter of crops.
         folder: folder for the vectors while they are needed.
         disk_bytes: limit on their size, beyond the images of one pair.
 
@@ -171,6 +170,7 @@ class TapFeatures:
         self, taps: Sequence[Tap], settings: Settings, folder: Path, disk_bytes: int
     ) -> None:
         self._proposer = PROPOSERS.create(settings.proposer, settings)
+        self._points = DETECTORS.create(settings.landmark_detector, settings)
         self._folder = folder
         self._batch_size = settings.batch_size
         self._layers: dict[_Source, list[str]] = {}
@@ -181,7 +181,9 @@ class TapFeatures:
         }
         self._networks = {
             (network, size): CropNetwork(
-                NETWORKS[network].model(tensors[network], layers, size), settings.batch_size
+                NETWORKS[network].model(tensors[network], layers, size),
+                settings.batch_size,
+                antialias=settings.antialias,
             )
             for (network, size), layers in self._layers.items()
         }
@@ -224,24 +226,25 @@ class TapFeatures:
         with timer.stage("proposals"):
             boxes = self._proposer.propose(pixels)
         with timer.stage("points"):
-            return boxes, detect_sift(pixels)
+            return boxes, self._points.detect(pixels)
 
 
 class TapMethod:
-    """Method `paper` with features that other configurations share.
+    """Method `paper` or `objects` with features that other configurations share.
 
     Args:
         features: the shared features.
         taps: the outputs of this configuration.
-        estimator: point matches -> model.
+        settings: the method and its settings.
     """
 
     uses_landmarks = True
 
-    def __init__(self, features: TapFeatures, taps: Sequence[Tap], estimator: Estimator) -> None:
+    def __init__(self, features: TapFeatures, taps: Sequence[Tap], settings: Settings) -> None:
         self._features = features
         self._taps = taps
-        self._estimator = estimator
+        self._steps = PaperSteps(settings)
+        self._objects = settings.method == "objects"
 
     def extract(self, pixels: RGBPixels, timer: StageTimer) -> PaperFeatures:
         """See `Method.extract`."""
@@ -251,4 +254,6 @@ class TapMethod:
         self, far: PaperFeatures, near: PaperFeatures, task: Task, timer: StageTimer
     ) -> Answer:
         """See `Method.localize`."""
-        return match_and_estimate(far, near, task, self._estimator, timer)
+        if self._objects:
+            return self._steps.objects(far.landmarks, near.landmarks, task, timer)
+        return self._steps.points(far, near, task, timer)

@@ -14,6 +14,7 @@ from nearfar.bench.datasets.cases import Case
 from nearfar.bench.results import Result
 from nearfar.bench.study import Study, run_study
 from nearfar.cli.options import EACH_SETTING, Place, WeightOptions, Workplace, with_weights
+from nearfar.cli.presets import AsOption, say_deviations
 from nearfar.errors import SettingsError
 from nearfar.methods import METHODS
 from nearfar.runtime import require
@@ -23,13 +24,13 @@ from nearfar.storage.locations import Location, Url, staged
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _BenchSettings(Settings):
-    """Settings of a benchmark, which accepts every model by default, as the paper does."""
+    """Settings of a benchmark, which refuses no model for chance by default."""
 
     method: Annotated[str, Parameter(parse=False)] = "paper"
     descriptor: Annotated[str, Parameter(parse=False)] = "nearfar"
     max_false_alarms: float = math.inf
     """Reject a model if more models as good as it are expected by chance (number of false alarms).
-    inf accepts every model, as the paper does."""
+    inf accepts every model that the estimator gives."""
     min_confidence: float = 0.0
     """Reject a model if its calibrated confidence is below this. 0 accepts all that
     max_false_alarms accepts."""
@@ -57,6 +58,10 @@ class RunOptions(Workplace):
 
     descriptor: _Names = ()
     """Landmark descriptor to compare; may be repeated. Default: nearfar."""
+
+    preset: AsOption = None
+    """Take the settings of the paper, or those of the code that its authors released. Options
+    beside it win. They need the weights of ResNet-50."""
 
     weights: WeightOptions = ()
     """Weights of a network, e.g. resnet50=resnet50.pth; may be repeated."""
@@ -98,11 +103,13 @@ def run_cases(
     """
     require("bench", "matplotlib")
     workers = options.begin()
+    compared, chosen = variants(settings, options), sampled(cases, options.sample, settings.seed)
+    say_deviations(compared, options.preset)
     local = options.out / "features" if isinstance(options.out, Path) else None
     return run_study(
         study,
-        sampled(cases, options.sample, settings.seed),
-        variants(settings, options),
+        chosen,
+        compared,
         options.out / file_name,
         workers=workers,
         features=local if options.features is None else on_disk(options.features),
