@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from nearfar.bench.figures import kitti_plots
+from nearfar.bench.published import table_three, table_two
 from nearfar.bench.results import Result
 from nearfar.bench.studies.kitti import fit_table, step_table
 from nearfar.bench.summary import DASH, log_fit
-from nearfar.bench.tables import risk_table, table_three, table_two
+from nearfar.bench.tables import risk_table
 from nearfar.geometry.errors import PAPER_FAILURE_STE
 
 

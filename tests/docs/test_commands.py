@@ -33,13 +33,17 @@ NOT_RUN = {
         "needs cameras that look in different directions, in tests/test_distortion.py"
     ),
     "nearfar weights fetch resnet50": "98 MB from the network",
-    "nearfar localize far.png near.png --method paper --descriptor resnet50-res3d@64": (
+    "nearfar localize far.png near.png --as paper": "needs weights of 98 MB",
+    "nearfar localize far.png near.png --as released-code": "needs weights of 98 MB",
+    "nearfar bench paper --kitti KITTI --montreal MONTREAL --out RUN --dry-run": (
         "needs weights of 98 MB"
     ),
-    "nearfar bench kitti KITTI --out RUN --jobs 2 --method sift --method objects --method paper "
-    "--descriptor resnet50-res3d@64": "needs weights of 98 MB",
-    "nearfar bench pairs PAIRS --out RUN --paper-size --jobs 2 --method sift --method objects "
-    "--method paper --descriptor resnet50-res3d@64": "needs weights of 98 MB",
+    "nearfar bench paper --kitti KITTI --montreal MONTREAL --out RUN --jobs 2": (
+        "needs weights of 98 MB"
+    ),
+    "nearfar bench paper --montreal PAIRS --out RUN --descriptor hog --descriptor nearfar": (
+        "takes minutes, in tests/bench/test_paper.py"
+    ),
     "nearfar train descriptor PHOTOS --out RUN": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --jobs 15": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --seed 1": "takes hours",

@@ -76,7 +76,7 @@ def resume(
     settings: Sequence[Settings],
     identity: tuple[str, ...] = ("case", "settings"),
     workers: Workers | None = None,
-    case_at_once: bool = False,
+    together: Callable[[T], Hashable] | None = None,
 ) -> list[Row]:
     """Compute the rows that a result file lacks, and append each as soon as it is there.
 
@@ -95,7 +95,7 @@ def resume(
         settings: all settings of the run, for `run.json`.
         identity: the columns that identify a row.
         workers: processes that do the work; None: this process.
-        case_at_once: hand the tasks of one case that follow each other to one worker.
+        together: the tasks with equal values, which follow each other, go to one worker at once.
 
     Returns:
         The rows of the tasks, in the order of the tasks.
@@ -111,7 +111,7 @@ def resume(
     meter.skipped = len(wanted) - len(todo)
     before = [rows[each] for each in todo if each in rows]
     _say_what_is_reused(file, meter.skipped, len(todo), before)
-    groups = itertools.groupby(todo.values(), lambda task: task.case.name if case_at_once else task)
+    groups = itertools.groupby(todo.values(), together)
     batches = [tuple(own) for _, own in groups]
     with row_file(file) as out, shown_progress("pairs") as show:
         record_run(file.parent, settings)

@@ -1,19 +1,14 @@
 """Tables of results: in Markdown for the terminal, in LaTeX for the report, and the paper's own."""
 
 import math
-import statistics
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-
-import numpy as np
+import re
+from collections.abc import Iterable, Sequence
 
 from nearfar.bench.results import Result
 from nearfar.bench.summary import (
     DASH,
     by_group,
     by_method,
-    is_pose,
-    measured,
     median,
     summarize,
 )
@@ -49,7 +44,7 @@ def latex(caption: str, header: Sequence[str], lines: Iterable[Sequence[str]]) -
     """Return a LaTeX table environment that needs the package booktabs."""
 
     def row(cells: Iterable[str]) -> str:
-        return " & ".join(cell.translate(_ESCAPES) for cell in cells) + r" \\"
+        return " & ".join(_bold(cell.translate(_ESCAPES)) for cell in cells) + r" \\"
 
     parts = [
         r"\begin{table}",
@@ -65,6 +60,11 @@ def latex(caption: str, header: Sequence[str], lines: Iterable[Sequence[str]]) -
         r"\end{table}",
     ]
     return "\n".join(parts)
+
+
+def _bold(cell: str) -> str:
+    """Return a cell with what is in two asterisks in bold."""
+    return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", cell)
 
 
 def distinct(names: Iterable[str]) -> list[str]:
@@ -126,18 +126,12 @@ def time_table(results: Sequence[Result]) -> str:
     return markdown(["stage", *methods], lines)
 
 
-PAPER_TABLE_III = {"SIFT (paper)": 10.654, "res3d, 64 (paper's best)": 9.339}
-"""Mean natural logarithm of the symmetric transfer error of 31 pairs (paper, Table III)."""
-PAPER_PAIRS = 40_748
-"""Pairs of frames in the paper's KITTI experiment."""
-PAPER_TABLE_II = {
-    "SIFT (paper)": (0.680, 0.149, 1854),
-    "objects (paper)": (0.744, 0.232, 7146),
-    "proposed (paper)": (0.641, 0.086, 785),
-}
-"""Mean t_err, mean r_err, failures (paper, Table II)."""
-KITTI_PAIRS = range(40_000, 42_000)
-"""Numbers of pairs that count as all of sequences 00-10, the paper's experiment."""
+def log_ste(result: Result, column: str = "ste") -> float:
+    """Return the natural logarithm of a symmetric transfer error; -inf for a perfect answer."""
+    value = result.measures[column]
+    return math.log(value) if value > 0 else -math.inf
+
+
 MEASURES = {
     "t_err_unit": "t_err, unit length",
     "t_err_stereo": "t_err, stereo length",
@@ -145,125 +139,3 @@ MEASURES = {
     "r_err": "r_err",
 }
 """Errors of a pose by their column, with the text that tables show."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """A row of a comparison: the method, whether it is the paper's, and the cells."""
-
-    method: str
-    paper: bool
-    cells: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A table of the paper with the results of this package below."""
-
-    title: str
-    note: str
-    columns: tuple[str, ...]
-    lines: tuple[Line, ...]
-
-    def markdown(self) -> str:
-        """Return the table in Markdown."""
-        return markdown(*self._cells)
-
-    def latex(self) -> str:
-        """Return the table in LaTeX."""
-        return latex(f"{self.title}. {self.note}", *self._cells)
-
-    @property
-    def _cells(self) -> tuple[list[str], list[list[str]]]:
-        return ["method", *self.columns], [[line.method, *line.cells] for line in self.lines]
-
-
-def comparison(results: Sequence[Result]) -> Comparison | None:
-    """Return the paper's table for some results; None where they lack its measures."""
-    if not is_pose(results):
-        return table_three(results) if measured(results, "ste") else None
-    return table_two(results) if any(measured(results, name) for name in MEASURES) else None
-
-
-def table_two(results: Sequence[Result]) -> Comparison:
-    """Compare poses with the paper's Table II: means over all pairs, 1 for each failure."""
-    lines = []
-    for method, (t_err, r_err, failures) in PAPER_TABLE_II.items():
-        known = {"t_err_stereo": f"{t_err:.3f}", "r_err": f"{r_err:.3f}"}
-        cells = (known.get(name, DASH) for name in MEASURES)
-        lines.append(Line(method, True, (f"{PAPER_PAIRS:,}", *cells, f"{failures:,}", *3 * [DASH])))
-    for method, own in by_method(results).items():
-        total = summarize(own)
-        found = (
-            f"{len(own):,}",
-            *(_text(statistics.fmean, measured(own, name), ".3f") for name in MEASURES),
-            f"{total.unanswered.count:,}",
-            f"{total.strict.value:.3f}",
-            _text(statistics.median, measured(own, "rotation_degrees"), ".2f", "°"),
-            _text(statistics.median, measured(own, "translation_degrees"), ".2f", "°"),
-        )
-        lines.append(Line(method, False, found))
-    complete = all(len(own) in KITTI_PAIRS for own in by_method(results).values())
-    return Comparison(
-        "The paper's Table II",
-        f"{'' if complete else 'Not comparable: other pairs. '}The paper's rows are over "
-        f"{PAPER_PAIRS:,} pairs of sequences 00-10, with the length of the translation from "
-        "stereo. Means over all pairs; without an answer an error is 1.",
-        (
-            "pairs",
-            *MEASURES.values(),
-            "failures",
-            "within 5°",
-            "median rotation error",
-            "median translation error",
-        ),
-        tuple(lines),
-    )
-
-
-def log_ste(result: Result, column: str = "ste") -> float:
-    """Return the natural logarithm of a symmetric transfer error; -inf for a perfect answer."""
-    value = result.measures[column]
-    return math.log(value) if value > 0 else -math.inf
-
-
-def table_three(results: Sequence[Result]) -> Comparison:
-    """Compare the pairs with a homography with the paper's Table III."""
-    lines = [
-        Line(method, True, ("31", DASH, f"{value:.3f}", DASH, DASH))
-        for method, value in PAPER_TABLE_III.items()
-    ]
-    planar = [result for result in results if result.model == "homography"]
-    for method, own in by_method(planar).items():
-        means = (
-            _text(np.mean, [log_ste(each, name) for each in own if name in each.measures], ".3f")
-            for name in ("ste", "ste_published")
-        )
-        errors = measured([each for each in own if each.localized], "median_error")
-        cells = (
-            f"{len(own):,}",
-            *means,
-            f"{summarize(own).unanswered.count:,}",
-            _text(statistics.median, errors, ".2f", " px"),
-        )
-        lines.append(Line(method, False, cells))
-    return Comparison(
-        "The paper's Table III",
-        "Not comparable: other images. Mean natural logarithm of the symmetric transfer error "
-        "(STE) of ten points; the paper's published code leaves out the homogeneous division.",
-        (
-            "pairs",
-            "mean ln STE",
-            "mean ln STE, published code",
-            "failures",
-            "median error per point",
-        ),
-        tuple(lines),
-    )
-
-
-def _text(
-    average: Callable[[Sequence[float]], float], values: Sequence[float], form: str, unit: str = ""
-) -> str:
-    """Return the average of some values with its unit; a dash where there are none."""
-    return f"{average(values):{form}}{unit}" if values else DASH

@@ -23,7 +23,7 @@ def apply_preset(app: App, commands: tuple[str, ...], arguments: ArgumentCollect
     """
     asked = [each for each in arguments if "--as" in each.names and each.tokens]
     preset = PRESETS.get(asked[0].tokens[-1].value) if asked else None
-    if preset is None:
+    if preset is None or commands[-1:] == ("paper",):  # That command knows its settings.
         return
     options = preset.options
     if commands[-1:] == ("kitti",):

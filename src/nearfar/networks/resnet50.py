@@ -69,7 +69,7 @@ def resnet50_model(tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], siz
     outputs = {"pool1": graph.max_pool(source, 3, stride=2, padding=1)}
     source, side, channels = outputs["pool1"], size // 4, 64
     for stage in STAGES:
-        stride = stage.stride if side // stage.stride >= _POOL5 else 1
+        stride = _stride(stage, side)
         side //= stride
         for block in range(stage.blocks):
             name = f"{stage.layer}.{block}"
@@ -79,6 +79,25 @@ def resnet50_model(tensors: Mapping[str, NDArray[Any]], taps: Sequence[str], siz
     outputs["pool5"] = graph.average_pool(source, _POOL5)
     layers.parameters.refuse_others(allowed=("fc.", "num_batches_tracked"))
     return graph.serialized(size, [outputs[tap] for tap in taps])
+
+
+def lengths(size: int) -> dict[str, int]:
+    """Return the number of values of each tap for crops of one size (paper, Table I).
+
+    Args:
+        size: side of the crops in pixels, one of `SIZES`.
+    """
+    side = size // 4
+    found = {"pool1": side * side * 64}
+    for stage in STAGES:
+        side //= _stride(stage, side)
+        found[stage.tap] = side * side * 4 * stage.width
+    return found | {"pool5": (side - _POOL5 + 1) ** 2 * 4 * STAGES[-1].width}
+
+
+def _stride(stage: Stage, side: int) -> int:
+    """Return the stride of the first block of a stage for a map of a side."""
+    return stage.stride if side // stage.stride >= _POOL5 else 1
 
 
 def _times_255(values: Sequence[float]) -> list[float]:

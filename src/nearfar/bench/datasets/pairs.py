@@ -66,6 +66,8 @@ def _points(values: Any) -> Coordinates:
     return np.array(values, np.float64).reshape(-1, 2)
 
 
+MONTREAL = "montreal"
+"""Tag of the cases that are read from the layout of the authors' Montreal pictures."""
 _DESCRIPTION = re.compile(r"(?P<first>.+)_to_(?P<second>.+)\.ya?ml")
 
 
@@ -106,6 +108,7 @@ def _read(file: Path, first: str, second: str, folder: Path) -> Case:
         scale_change=max(change, 1 / change),
         far_points=far_points,
         near_points=near_points,
+        tags={"layout": MONTREAL},
     )
 
 

@@ -8,6 +8,7 @@ import pyarrow as pa
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from pyarrow import csv, parquet
 
+from nearfar.bench.published import comparison
 from nearfar.bench.report.charts import SERIES
 from nearfar.bench.report.gallery import MOST_CARDS, Gallery
 from nearfar.bench.report.views import benchmark_view, settings_view
@@ -20,7 +21,7 @@ from nearfar.bench.results import (
     load_record,
 )
 from nearfar.bench.summary import DASH, Share, by_group, by_method, summarize
-from nearfar.bench.tables import comparison, latex
+from nearfar.bench.tables import latex
 
 _LEAST_CARDS = 3
 """Smallest number of cards of a method, whatever the number of methods."""
@@ -35,7 +36,7 @@ def render(benchmarks: Sequence[Benchmark], records: Sequence[RunRecord]) -> str
     views = [benchmark_view(benchmark, series, gallery, most) for benchmark in benchmarks]
     results = [result for benchmark in benchmarks for result in benchmark.results]
     methods = {result.settings: result.method for result in results}
-    template = _environment().get_template("page.html.jinja")
+    template = environment().get_template("page.html.jinja")
     return template.render(
         benchmarks=views,
         pictures=gallery.pictures,
@@ -61,7 +62,8 @@ def _series(benchmarks: Sequence[Benchmark]) -> dict[str, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return the templates of reports, with their filters."""
     environment = Environment(
         loader=PackageLoader("nearfar.bench.report", "templates"),
         autoescape=True,

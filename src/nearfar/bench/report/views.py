@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from nearfar.bench.evaluate import LOOSE_EPIPOLAR_PX, LOOSE_SHARE, STRICT_DEGREES, STRICT_PX
+from nearfar.bench.published import Comparison, comparison
 from nearfar.bench.report.charts import Chart
 from nearfar.bench.report.gallery import Card, Gallery
 from nearfar.bench.report.plots import charts_of
@@ -21,7 +22,6 @@ from nearfar.bench.summary import (
     same_cases,
     summarize,
 )
-from nearfar.bench.tables import Comparison, comparison
 
 _MOST_CASES = 1_000
 """Largest number of cases on the page; the other files hold all of them."""

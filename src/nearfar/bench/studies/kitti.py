@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from nearfar.arrays import Matrix3
 from nearfar.bench.datasets.cases import Case, Stereo
 from nearfar.bench.figures import plot_kitti
+from nearfar.bench.published import table_two
 from nearfar.bench.results import Result
 from nearfar.bench.study import STUDIES, Study
 from nearfar.bench.summary import by_method, by_step, log_fit
-from nearfar.bench.tables import MEASURES, markdown, risk_table, table_two, time_table
+from nearfar.bench.tables import MEASURES, markdown, risk_table, time_table
 from nearfar.errors import BenchmarkError
 from nearfar.geometry import kitti
 from nearfar.geometry.epipolar import RelativePose
@@ -174,6 +175,7 @@ def _sequence_cases(sequence: Path, pose_file: Path) -> Iterator[Case]:
             stereo=stereo,
             tags={
                 "sequence": sequence.name,
+                "camera": number,
                 "j": pair.j,
                 "distance": float(np.linalg.norm(relative[:3, 3])),
             },

@@ -12,9 +12,10 @@ from nearfar.arrays import Coordinates
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.figures import plot_pairs
+from nearfar.bench.published import table_three
 from nearfar.bench.results import Result
 from nearfar.bench.study import STUDIES, Study
-from nearfar.bench.tables import risk_table, success_table, table_three, time_table
+from nearfar.bench.tables import risk_table, success_table, time_table
 from nearfar.errors import ImageError
 from nearfar.geometry.homography import scale_change
 from nearfar.imaging.image import read_image
@@ -77,6 +78,7 @@ def _resized(case: Case, folder: Path) -> Case:
         scale_change=scale_change(far_points, near_points),
         far_points=far_points,
         near_points=near_points,
+        tags={**case.tags, "size": "x".join(map(str, PAPER_SIZE))},
     )
 
 

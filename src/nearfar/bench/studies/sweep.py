@@ -2,7 +2,7 @@
 
 import functools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -130,25 +130,9 @@ def run_sweep(
         WeightsError: a weights file is damaged or not of its network.
         OSError: the disk is full; the rows before are kept.
     """
-    _localizers.cache_clear()
     ready = [name for name in grid.descriptors if not _lacks_weights(name, settings)]
-    variants = {name: settings.replace(method="paper", descriptor=name) for name in ready}
-    keys = {name: settings_key(variant) for name, variant in variants.items()}
-    sources = _Sources(tuple(variants.values()), file.parent, disk_bytes)
-    wanted = []
-    for case in cases:
-        data, failure = case.content_hash(), failure_columns(case)
-        for name, variant in variants.items():
-            start = localize_start(case, variant, keys[name], name, data)
-            wanted.append(_Task(case, variant, start, failure, sources))
-    rows = resume(
-        file,
-        wanted,
-        _columns,
-        settings=sources.variants,
-        workers=workers,
-        case_at_once=True,
-    )
+    chosen = [settings.replace(method="paper", descriptor=name) for name in ready]
+    rows = run_taps(cases, chosen, file, disk_bytes=disk_bytes, workers=workers)
     by_name = {name: rows[index :: len(ready)] for index, name in enumerate(ready)}
     return [
         _score(file.stem, name, by_name[name])
@@ -158,9 +142,54 @@ def run_sweep(
     ]
 
 
+def run_taps(
+    cases: Sequence[Case],
+    variants: Sequence[Settings],
+    file: Path,
+    *,
+    disk_bytes: int,
+    workers: Workers | None = None,
+    together: Callable[[Case], Hashable] = lambda case: case.name,
+) -> list[Row]:
+    """Localize every case with every variant of the methods `paper` and `objects`; see `resume`.
+
+    Args:
+        cases: the cases; those that share an image should follow each other.
+        variants: method, descriptor and other settings; only method and descriptor may differ.
+        file: JSON Lines, one line a case and variant.
+        disk_bytes: limit on the vectors that each worker stores beside the file during the run.
+        workers: processes that do the work; None: this process.
+        together: the tasks of cases with equal values, which follow each other, go to one worker.
+
+    Returns:
+        The rows, those of the variants of each case in turn.
+
+    Raises:
+        WeightsError: weights are missing, damaged, or not of their network.
+        OSError: the disk is full; the rows before are kept.
+    """
+    _localizers.cache_clear()
+    keys = [settings_key(variant) for variant in variants]
+    sources = _Sources(tuple(variants), file.parent, disk_bytes)
+    wanted = []
+    for case in cases:
+        data, failure = case.content_hash(), failure_columns(case)
+        for key, variant in zip(keys, variants, strict=True):
+            start = localize_start(case, variant, key, variant.descriptor, data)
+            wanted.append(_Task(case, variant, start, failure, sources))
+    return resume(
+        file,
+        wanted,
+        _columns,
+        settings=sources.variants,
+        workers=workers,
+        together=lambda task: together(task.case),
+    )
+
+
 def _columns(task: _Task) -> Row:
     """Localize one case with one configuration."""
-    return localized_columns(task.case, _localizers(task.sources)[task.settings.descriptor])
+    return localized_columns(task.case, _localizers(task.sources)[task.settings])
 
 
 def _lacks_weights(descriptor: str, settings: Settings) -> bool:
@@ -180,15 +209,16 @@ def _lacks_weights(descriptor: str, settings: Settings) -> bool:
 
 
 @functools.lru_cache(maxsize=1)
-def _localizers(sources: _Sources) -> dict[str, Localizer]:
+def _localizers(sources: _Sources) -> dict[Settings, Localizer]:
     """Make a localizer for each configuration; all of them share their features."""
-    variants = {each.descriptor: each for each in sources.variants}
     some = sources.variants[0]
-    taps = [tap for name in variants for tap in taps_of(name)]
+    taps = [tap for each in sources.variants for tap in taps_of(each.descriptor)]
     features = TapFeatures(taps, some, sources.folder, sources.disk_bytes)
     return {
-        name: Localizer(variant, cache_bytes=0, engine=TapMethod(features, taps_of(name), variant))
-        for name, variant in variants.items()
+        each: Localizer(
+            each, cache_bytes=0, engine=TapMethod(features, taps_of(each.descriptor), each)
+        )
+        for each in sources.variants
     }
 
 

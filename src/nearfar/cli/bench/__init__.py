@@ -12,6 +12,7 @@ from nearfar.cli.bench.methods_commands import (
     scale_curve_command,
 )
 from nearfar.cli.bench.options import print_text
+from nearfar.cli.bench.paper_command import paper_command
 from nearfar.runtime import require
 
 bench_app = App(name="bench", help="Measure methods on real images with ground truth.")
@@ -20,6 +21,7 @@ bench_app.command(kitti_command, name="kitti")
 bench_app.command(scale_curve_command, name="scale-curve")
 bench_app.command(sweep_command, name="sweep")
 bench_app.command(landmarks_command, name="landmarks")
+bench_app.command(paper_command, name="paper")
 bench_app.command(run_command, name="run")
 
 

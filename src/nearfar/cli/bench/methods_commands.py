@@ -10,6 +10,7 @@ from nearfar.bench.datasets.cases import Case, with_masks
 from nearfar.bench.datasets.composites import Backgrounds
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.figures import plot_curve
+from nearfar.bench.published import PAPER_PAIRS
 from nearfar.bench.results import Result
 from nearfar.bench.studies.curves import (
     condition_table,
@@ -30,7 +31,7 @@ from nearfar.bench.studies.scale_curve import (
     plan_cases,
 )
 from nearfar.bench.study import STUDIES
-from nearfar.bench.tables import PAPER_PAIRS, time_table
+from nearfar.bench.tables import time_table
 from nearfar.cli.bench.options import (
     DEFAULTS,
     BenchSettings,

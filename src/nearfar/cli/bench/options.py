@@ -104,15 +104,16 @@ def run_cases(
     require("bench", "matplotlib")
     workers = options.begin()
     compared, chosen = variants(settings, options), sampled(cases, options.sample, settings.seed)
-    say_deviations(compared, options.preset)
     local = options.out / "features" if isinstance(options.out, Path) else None
+    features = local if options.features is None else on_disk(options.features)
+    say_deviations(compared, options.preset)
     return run_study(
         study,
         chosen,
         compared,
         options.out / file_name,
         workers=workers,
-        features=local if options.features is None else on_disk(options.features),
+        features=features,
     )
 
 
