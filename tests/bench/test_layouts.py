@@ -1,11 +1,13 @@
 """Pairs in the authors' layout and as sequences with homographies, and the paper's size."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
@@ -53,6 +55,53 @@ def test_authors_layout(tmp_path: Path, images: tuple[RGBPixels, RGBPixels]) -> 
     for other in ({"1": [[0, 0]]}, {name: points[:3] for name, points in shares.items()}):
         (scene / "1_to_2.yaml").write_text(str(other))
         with pytest.raises(BenchmarkError, match="1_to_2"):
+            find_pairs(tmp_path)
+
+
+def test_tags_of_tuples_and_numpy_are_read_and_no_other_is_obeyed(tmp_path: Path) -> None:
+    """As `yaml.dump` writes tuples, scalars and arrays."""
+    scene = tmp_path / "house"
+    for name in ("1", "2"):
+        save(scene / f"{name}.png", np.zeros((30, 40, 3), np.uint8))
+    near = np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.8], [0.1, 0.8]])
+    content = {"1": near, "2": [(np.float64(x / 2), np.float32(y / 2)) for x, y in near]}
+    file = scene / "1_to_2.yaml"
+    file.write_text(yaml.dump(content))
+    assert "python/tuple" in file.read_text()
+    (case,) = find_pairs(tmp_path)
+    np.testing.assert_allclose(case.near_points, near * (40, 30) - 0.5)
+    np.testing.assert_allclose(case.far_points, near / 2 * (40, 30) - 0.5, atol=1e-5)
+    marker = tmp_path / "called"
+    for call in ("os.system", "numpy.fromfile"):
+        file.write_text(f"!!python/object/apply:{call} ['touch {marker}']")
+        with pytest.raises(BenchmarkError, match="cannot be read"):
+            find_pairs(tmp_path)
+    assert not marker.exists()
+
+
+def test_a_homography_stands_for_points(
+    tmp_path: Path, images: tuple[RGBPixels, RGBPixels]
+) -> None:
+    for name, pixels in zip(("far", "near"), images, strict=True):
+        save(tmp_path / "cup" / f"{name}.png", pixels)
+    pair = {"far": "far.png", "near": "near.png", "model": "homography"}
+    file = tmp_path / "cup" / "pair.json"
+    file.write_text(json.dumps(pair | {"homography": HALF.tolist()}))
+    (case,) = find_pairs(tmp_path)
+    assert len(case.near_points) == 10
+    assert transfer_errors(HALF, case.far_points, case.near_points).max() < 1e-6
+    assert case.scale_change == pytest.approx(2)
+    far_away = [[0.5, 0, 1e5], [0, 0.5, 10.25], [0, 0, 1]]
+    wrong = [
+        (pair, r"lacks far_points, near_points \(or homography\)"),
+        ({"far": "far.png", "homography": HALF.tolist()}, "lacks near, model"),
+        (pair | {"homography": [[1, 2], [3, 4]]}, "invertible"),
+        (pair | {"homography": far_away}, "does not show"),
+        (pair | {"far_points": "no", "near_points": [[0, 0]]}, "far_points must be a list"),
+    ]
+    for content, said in wrong:
+        file.write_text(json.dumps(content))
+        with pytest.raises(BenchmarkError, match=said):
             find_pairs(tmp_path)
 
 

@@ -173,7 +173,7 @@ def test_image_pairs_stand_beside_the_papers_table(tmp_path: Path) -> None:
     assert "Not comparable: other images" in text
     cells = Page(text).cells
     start = cells.index("SIFT (paper)")
-    assert cells[start + 3] == "10.654"
+    assert cells[start + 2] == "10.654"
     ours = start + 12
     assert cells[ours : ours + 4] == ["sift", "2", "0.000", "1.000"]
 
@@ -312,3 +312,35 @@ def test_rows_have_the_types_that_the_page_relies_on(results: Path) -> None:
     assert by_case["unreadable"].homography is None
     assert by_case["unreadable"].reason is not None
     assert by_case["right"].far == results.parent / "pairs" / "right" / "far.png"
+
+
+def test_labels_take_the_place_of_names(tmp_path: Path) -> None:
+    folder = write_rows(tmp_path / "run", rows_of(10, 5))
+    page, tex, *_ = write_report([folder], tmp_path, {"sift": "SIFT & co", "kitti": "Driving"})
+    assert r"SIFT \& co & 10 & 50" in tex.read_text()
+    assert "Successes in Driving" in tex.read_text()
+    assert "SIFT &amp; co" in page.read_text()
+    for labels, said in (({"soft": "x"}, "there are kitti, sift"), ({"sift": "kitti"}, "own")):
+        with pytest.raises(BenchmarkError, match=said):
+            write_report([folder], tmp_path, labels)
+
+
+def test_a_scale_curve_is_a_table_with_its_s50(tmp_path: Path) -> None:
+    """Both base pairs succeed up to 2.5 times, and fail from 3.5 times on."""
+    rows = (
+        {
+            "case": f"{base}/{scale}",
+            "method": "sift",
+            "status": "localized",
+            "strict": scale < 3,
+            "true_scale_change": scale,
+            "tags": {"mode": "scale", "base": base},
+        }
+        for base in "ab"
+        for scale in (1.5, 2.5, 3.5, 5.0)
+    )
+    folder = write_rows(tmp_path / "run", rows, "scale_curve")
+    tex = write_report([folder], tmp_path)[1].read_text()
+    line = next(each for each in tex.splitlines() if each.startswith("sift & 100 (100 to 100)"))
+    assert line.endswith(r"& 3.0 (3.0--3.0) \\")
+    assert "mode scale" in tex

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.bench.datasets.cases import Case, name_below
+from nearfar.bench.datasets.tagged_yaml import load_numbers
 from nearfar.errors import BenchmarkError, ImageError
 from nearfar.geometry.homography import scale_change, transform
 from nearfar.imaging.image import Image, read_image
-from nearfar.runtime import require
 
 
 def find_pairs(folder: Path) -> list[Case]:
@@ -37,13 +38,23 @@ def find_pairs(folder: Path) -> list[Case]:
 
 def _read_pair(file: Path, folder: Path) -> Case:
     try:
-        content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        far_points, near_points = _points(content["far_points"]), _points(content["near_points"])
-        far, near = file.parent / content["far"], file.parent / content["near"]
-        model = content["model"]
-        least = {"homography": 4, "fundamental": 1}.get(model)
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise BenchmarkError(f"{file} is not a valid pair: {error!r}") from error
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BenchmarkError(f"{file} cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise BenchmarkError(f"{file} must be a JSON object with far, near, model and points")
+    wanted = ["far", "near", "model"]
+    wanted += [] if "homography" in content else ["far_points", "near_points"]
+    if missing := [key for key in wanted if key not in content]:
+        instead = " (or homography)" if "far_points" in missing else ""
+        raise BenchmarkError(f"{file} lacks {', '.join(missing)}{instead}")
+    far, near = file.parent / str(content["far"]), file.parent / str(content["near"])
+    model = content["model"]
+    least = {"homography": 4, "fundamental": 1}.get(model)
+    if "homography" in content:
+        far_points, near_points = _points_of_homography(file, content["homography"], far, near)
+    else:
+        far_points, near_points = (_points(file, content, f"{s}_points") for s in ("far", "near"))
     if least is None or len(far_points) != len(near_points) or len(far_points) < least:
         raise BenchmarkError(
             f"{file} needs the model homography or fundamental, and as many far_points as "
@@ -62,8 +73,39 @@ def _read_pair(file: Path, folder: Path) -> Case:
     )
 
 
-def _points(values: Any) -> Coordinates:
-    return np.array(values, np.float64).reshape(-1, 2)
+def _points(file: Path, content: dict[str, Any], key: str) -> Coordinates:
+    try:
+        return np.array(content[key], np.float64).reshape(-1, 2)
+    except (TypeError, ValueError) as error:
+        raise BenchmarkError(f"{file}: {key} must be a list of [x, y], in pixels") from error
+
+
+def _points_of_homography(
+    file: Path, rows: Any, far: Path, near: Path
+) -> tuple[Coordinates, Coordinates]:
+    """Return true points that the homography of a pair.json gives, as for sequences.
+
+    Args:
+        file: the pair.json.
+        rows: its `homography`, 3 rows of 3 numbers that map near pixels to far pixels.
+        far: path of the far image.
+        near: path of the near image.
+    """
+    try:
+        matrix = np.array(rows, np.float64).reshape(3, 3)
+        np.linalg.inv(matrix)
+        images = read_image(far), read_image(near)
+    except (TypeError, ValueError, np.linalg.LinAlgError) as error:
+        raise BenchmarkError(
+            f"{file}: homography must be an invertible matrix, 3 rows of 3 numbers that map near "
+            f"pixels to far pixels"
+        ) from error
+    except ImageError as error:
+        raise BenchmarkError(f"{file}: {error}") from error
+    found = _grid_points(*images, matrix)
+    if len(found[0]) < 4:
+        raise BenchmarkError(f"{file}: by its homography the far image does not show the near one")
+    return found
 
 
 MONTREAL = "montreal"
@@ -79,7 +121,6 @@ def find_montreal_pairs(folder: Path) -> Iterator[Case]:
 
     Raises:
         BenchmarkError: a file is malformed, or an image cannot be read.
-        MissingExtraError: PyYAML is not installed.
     """
     for file in sorted(folder.rglob("*_to_*.y*ml")):
         match = _DESCRIPTION.fullmatch(file.name)
@@ -113,11 +154,8 @@ def _read(file: Path, first: str, second: str, folder: Path) -> Case:
 
 
 def _load(file: Path) -> dict[str, object]:
-    require("bench", "yaml")
-    import yaml
-
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = load_numbers(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise BenchmarkError(f"{file} cannot be read: {error}") from error
     if not isinstance(content, dict):

@@ -1,6 +1,7 @@
 """The page and the files of a report."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,20 @@ from nearfar.bench.results import (
     load_benchmarks,
     load_record,
 )
+from nearfar.bench.studies.curves import (
+    bin_names,
+    bin_rates,
+    half_success,
+    outcomes,
+    percent,
+    scale_text,
+)
 from nearfar.bench.summary import DASH, Share, by_group, by_method, summarize
 from nearfar.bench.tables import latex
+from nearfar.errors import BenchmarkError
 
+CURVE_SEED = 0
+"""Seed of the intervals of curves, as `nearfar bench scale-curve` has it by default."""
 _LEAST_CARDS = 3
 """Smallest number of cards of a method, whatever the number of methods."""
 
@@ -141,6 +153,7 @@ def latex_tables(benchmarks: Sequence[Benchmark]) -> str:
         published = comparison(benchmark.results)
         if published is not None:
             parts.append(published.latex())
+        parts += curve_tables(benchmark)
     return "\n\n".join(parts) + "\n"
 
 
@@ -175,6 +188,36 @@ def _groups(benchmark: Benchmark) -> str:
     return latex(f"Strict successes in {benchmark.name} by group", ["method", *groups], rows)
 
 
+def curve_tables(benchmark: Benchmark) -> list[str]:
+    """Return the curve of success against scale change in LaTeX, with S50, for each mode.
+
+    Only results of `nearfar bench scale-curve` have one. Intervals are over base pairs.
+    """
+    modes = dict.fromkeys(str(each.tags["mode"]) for each in benchmark.results if _on_curve(each))
+    tables = []
+    for mode in modes:
+        own = [e for e in benchmark.results if _on_curve(e) and e.tags["mode"] == mode]
+        strict = outcomes(own)
+        rows = []
+        for index, method in enumerate(strict.methods):
+            rates = bin_rates(strict, index, CURVE_SEED)
+            half = half_success(strict, index, CURVE_SEED)
+            ends = (scale_text(part, strict) for part in (half.low, half.high))
+            text = f"{scale_text(half.value, strict)} ({DASH.join(ends)})"
+            rows.append([method, *(percent(each) or DASH for each in rates), text])
+        caption = (
+            f"Strict success in {benchmark.name}, mode {mode}, by scale change, in percent with "
+            f"95 % intervals over base pairs; S50 is where it falls to one half"
+        )
+        tables.append(latex(caption, ["method", *bin_names(), "S50"], rows))
+    return tables
+
+
+def _on_curve(result: Result) -> bool:
+    """Tell whether a result is one of a scale curve."""
+    return {"mode", "base"} <= set(result.tags) and result.true_scale_change is not None
+
+
 def _share(share: Share) -> str:
     low, high = share.interval
     return f"{100 * share.value:.0f} ({100 * low:.0f}{DASH}{100 * high:.0f})"
@@ -184,21 +227,52 @@ def _decimal(value: float | None) -> str:
     return DASH if value is None else f"{value:.2f}"
 
 
-def write_report(runs: Sequence[Path], out: Path) -> list[Path]:
+def labelled(benchmarks: Sequence[Benchmark], labels: Mapping[str, str]) -> list[Benchmark]:
+    """Return benchmarks whose methods and own names have the texts of labels.
+
+    Raises:
+        BenchmarkError: a label is for no name.
+    """
+    names = {benchmark.name for benchmark in benchmarks}
+    names |= {result.method for benchmark in benchmarks for result in benchmark.results}
+    if unknown := sorted(set(labels) - names):
+        raise BenchmarkError(
+            f"--label {unknown[0]}=... is for no method or benchmark; there are "
+            f"{', '.join(sorted(names))}"
+        )
+    if len({labels.get(name, name) for name in names}) < len(names):
+        raise BenchmarkError("--label must give each method and benchmark a text of its own")
+    return [
+        replace(
+            benchmark,
+            name=labels.get(benchmark.name, benchmark.name),
+            results=tuple(
+                replace(each, method=labels.get(each.method, each.method))
+                for each in benchmark.results
+            ),
+        )
+        for benchmark in benchmarks
+    ]
+
+
+def write_report(
+    runs: Sequence[Path], out: Path, labels: Mapping[str, str] | None = None
+) -> list[Path]:
     """Write `report.html`, `tables.tex`, `results.csv` and `results.parquet`.
 
     Args:
         runs: folders of results.
         out: folder to write to; it is made where missing.
+        labels: texts that take the place of names of methods and benchmarks.
 
     Returns:
         The files written.
 
     Raises:
-        BenchmarkError: there are no results.
+        BenchmarkError: there are no results, or none has a name that has a label.
         OSError: a file cannot be written.
     """
-    benchmarks = load_benchmarks(runs)
+    benchmarks = labelled(load_benchmarks(runs), labels or {})
     page = render(benchmarks, [load_record(run) for run in runs])
     out.mkdir(parents=True, exist_ok=True)
     html, tex = out / "report.html", out / "tables.tex"

@@ -20,11 +20,11 @@ TOP = 3
 SAMPLES = (1, 5, 10)
 """Values of j of the sample frames of KITTI."""
 STEPS = (
-    ("far and near image", "1200x900, or frames of KITTI"),
+    ("images", "far and near"),
     ("object proposals", "Selective Search"),
     ("descriptors", "a layer of ResNet-50"),
-    ("landmark matches", "cosine, cross-checked"),
-    ("SIFT in matched boxes", "Euclidean, cross-checked"),
+    ("landmark matches", "cosine,\ncross-checked"),
+    ("SIFT in these boxes", "Euclidean,\ncross-checked"),
     ("RANSAC", "homography or pose"),
 )
 """Steps of the method and what each of them is."""
@@ -36,14 +36,14 @@ def plot_architecture(folder: Path) -> Path:
     Returns:
         The file written, PNG.
     """
-    figure, axes = figure_axes(10, 1.6)
+    figure, axes = figure_axes(9, 0.9)
     axes.set_axis_off()
     for index, (name, how) in enumerate(STEPS):
         box = {"boxstyle": "round,pad=0.5", "facecolor": f"C{index % 3}", "alpha": 0.2}
         axes.text(index, 0.5, f"{name}\n{how}", ha="center", va="center", fontsize=7, bbox=box)
         if index:
             arrow = {"arrowstyle": "->", "color": "grey"}
-            axes.annotate("", (index - 0.42, 0.5), (index - 0.58, 0.5), arrowprops=arrow)
+            axes.annotate("", (index - 0.43, 0.5), (index - 0.57, 0.5), arrowprops=arrow)
     axes.set(xlim=(-0.5, len(STEPS) - 0.5), ylim=(0, 1))
     return save_figure(figure, folder / "architecture.png")
 

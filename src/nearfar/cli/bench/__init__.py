@@ -1,8 +1,10 @@
 """`nearfar bench`, and `nearfar report` of its results."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from nearfar.cli.bench.descriptors_commands import landmarks_command, sweep_command
 from nearfar.cli.bench.methods_commands import (
@@ -13,6 +15,7 @@ from nearfar.cli.bench.methods_commands import (
 )
 from nearfar.cli.bench.options import print_text
 from nearfar.cli.bench.paper_command import paper_command
+from nearfar.errors import SettingsError
 from nearfar.runtime import require
 
 bench_app = App(name="bench", help="Measure methods on real images with ground truth.")
@@ -25,7 +28,13 @@ bench_app.command(paper_command, name="paper")
 bench_app.command(run_command, name="run")
 
 
-def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
+Labels = Annotated[
+    tuple[str, ...],
+    Parameter(name="--label", negative="", metavar="NAME=TEXT", show_default=False),
+]
+
+
+def report_command(run: Path, /, *runs: Path, out: Path | None = None, label: Labels = ()) -> None:
     """Write a report of benchmark results: a page, LaTeX tables, and all rows as CSV and Parquet.
 
     A RUN is a folder that `nearfar bench` wrote. The report shows results of one benchmark from
@@ -36,9 +45,28 @@ def report_command(run: Path, /, *runs: Path, out: Path | None = None) -> None:
         run: Folder of results.
         runs: Further folders of results.
         out: Folder for the report. Default: `report` in the first RUN.
+        label: Text in place of a name of a method or benchmark, e.g. "paper (hog)=HOG landmarks";
+            may be repeated.
     """
     require("bench", "jinja2", "matplotlib", "pyarrow")
     from nearfar.bench.report.page import write_report
 
-    for file in write_report([run, *runs], run / "report" if out is None else out):
+    labels = _labels(label)
+    folder = run / "report" if out is None else out
+    for file in write_report([run, *runs], folder, labels):
         print_text(str(file))
+
+
+def _labels(items: Sequence[str]) -> dict[str, str]:
+    """Return texts by the names that they replace.
+
+    Raises:
+        SettingsError: an item has another form.
+    """
+    labels = {}
+    for item in items:
+        name, equals, text = item.partition("=")
+        if not (name and equals and text):
+            raise SettingsError(f"--label needs NAME=TEXT, not {item!r}")
+        labels[name] = text
+    return labels
