@@ -55,11 +55,10 @@ def paper_command(
 ) -> None:
     """Run the paper's experiments, and write every table and figure beside the paper's.
 
-    The parts are Table III (SIFT, and all layers and sizes of ResNet-50, with and without points,
-    on image pairs at 1200x900), Table II (SIFT, objects and the proposed method with res5c@224 on
-    KITTI Odometry) and the sweep over the first 1,000 pairs of sequence 00. Rows go to
-    OUT/paper_pairs.jsonl, paper_kitti.jsonl and paper_sweep.jsonl, and the report to OUT/report. A
-    run that was stopped is resumed.
+    Table III is of image pairs at 1200x900: SIFT, and all layers and sizes of ResNet-50 with and
+    without points. Table II is of KITTI Odometry: SIFT, objects, and the proposed method with
+    res5c@224. The sweep is over the first 1,000 pairs of sequence 00. Rows go to OUT/*.jsonl, and
+    the report to OUT/report. A run that was stopped is resumed.
 
     Args:
         out: Folder for the results.
