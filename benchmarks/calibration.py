@@ -1,12 +1,13 @@
 """Fit the confidence of the method adaptive to benchmark results, and check it on other scenes.
 
-    python benchmarks/calibration.py ROWS.jsonl... [--figure FIGURE.png]
+    python benchmarks/calibration.py ROWS.jsonl... [--figure FIGURE.png] [--by-matcher]
 
 ROWS are results of `nearfar bench`, `unrelated.py` or `made_pairs.py` with thresholds off. Correct
 means strict success. Each data set weighs as the square root of its rows, so that easy ones do not
 dominate. Scenes are left out in ten folds. The expected calibration error (ECE) is that of the
 folds left out, in ten bins of equal width, with a 95 % interval over scenes (bootstrap). FIGURE is
-the reliability diagram of both kinds of models.
+the reliability diagram of both kinds of models. With --by-matcher, the curve is that of the place
+of epipolar geometries that a learned matcher found, alone or within the method adaptive.
 """
 
 import argparse
@@ -22,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
+from nearfar.methods.adaptive.attempt import BY_MATCHER
+from nearfar.methods.points import LEARNED
 from nearfar.verification.confidence import (
     CALIBRATIONS,
     PLACE,
@@ -68,6 +71,12 @@ def scene(row: Row) -> str:
     return re.sub(r"(_\d)+$", "", name)
 
 
+def by_matcher(row: Row) -> bool:
+    """Whether a row is an epipolar geometry by a learned matcher."""
+    learned = row["method"] in LEARNED or row.get("step") == BY_MATCHER
+    return learned and row["model"] == "fundamental"
+
+
 def answers_of(rows: list[Row]) -> Answers:
     """The answers among rows that have some evidence."""
     answered = [row for row in rows if (row.get("log10_nfa") or 0) < 0]
@@ -107,21 +116,30 @@ def confidence_of(curves: Numbers, features: Numbers) -> Numbers:
 
 
 def fit(
-    features: Numbers, correct: NDArray[np.bool_], weights: Numbers, place: Curve | None
+    features: Numbers,
+    correct: NDArray[np.bool_],
+    weights: Numbers,
+    place: Curve | None,
+    exact: Curve | None = None,
 ) -> Numbers:
-    """The curves of greatest likelihood, that of the place as given unless it is None."""
+    """The curves of greatest likelihood; those that are given stay."""
+    ridge = RIDGE if exact is None else RIDGE / 10
 
     def loss(curves: Numbers) -> float:
         confidence = np.clip(confidence_of(curves, features), 1e-9, 1 - 1e-9)
         told = np.log(np.where(correct, confidence, 1 - confidence))
-        return float(-np.mean(weights * told) + RIDGE * curves @ curves)
+        return float(-np.mean(weights * told) + ridge * curves @ curves)
 
-    known: list[tuple[float | None, float | None]] = [(None, None), (0.0, None)]
-    if place is not None:
-        known = [(place.offset, place.offset), (place.slope, place.slope)]
-    start = [-2.0, 4.0] if place is None else [place.offset, place.slope]
-    bounds = [*known, (None, None), (0.0, None)]
-    return np.asarray(optimize.minimize(loss, [*start, 1.0, 1.0], bounds=bounds).x)
+    start: list[float] = []
+    bounds: list[tuple[float | None, float | None]] = []
+    for given, usual in ((place, (-2.0, 4.0)), (exact, (1.0, 1.0))):
+        start += usual if given is None else (given.offset, given.slope)
+        bounds += (
+            [(None, None), (0.0, None)]
+            if given is None
+            else [(given.offset, given.offset), (given.slope, given.slope)]
+        )
+    return np.asarray(optimize.minimize(loss, start, bounds=bounds).x)
 
 
 def calibration_error(confidence: Numbers, correct: NDArray[np.bool_]) -> float:
@@ -133,7 +151,7 @@ def calibration_error(confidence: Numbers, correct: NDArray[np.bool_]) -> float:
     return float(np.sum(gaps) / len(correct))
 
 
-def left_out(answers: Answers, place: Curve | None) -> Numbers:
+def left_out(answers: Answers, place: Curve | None, exact: Curve | None = None) -> Numbers:
     """The confidence of each answer by the curve of the folds without its scene."""
     names = np.unique(answers.scenes)
     order = np.random.default_rng(0).permutation(len(names)) % min(FOLDS, len(names))
@@ -142,7 +160,8 @@ def left_out(answers: Answers, place: Curve | None) -> Numbers:
     confidence = np.empty(len(folds))
     for fold in np.unique(order):
         rest = folds != fold
-        curves = fit(answers.features[rest], answers.correct[rest], answers.weights[rest], place)
+        seen = answers.features[rest], answers.correct[rest], answers.weights[rest]
+        curves = fit(*seen, place, exact)
         confidence[~rest] = confidence_of(curves, answers.features[~rest])
     return confidence
 
@@ -161,7 +180,9 @@ def interval(answers: Answers, confidence: Numbers) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def report(kind: str, rows: list[Row]) -> tuple[Numbers, NDArray[np.bool_]] | None:
+def report(
+    kind: str, rows: list[Row], *, by_matcher: bool = False
+) -> tuple[Numbers, NDArray[np.bool_]] | None:
     """Print the curve of one kind of model and how it does on scenes left out."""
     answers = answers_of(rows)
     correct = answers.correct
@@ -169,8 +190,9 @@ def report(kind: str, rows: list[Row]) -> tuple[Numbers, NDArray[np.bool_]] | No
         print(f"{kind}: a curve needs correct and wrong answers, and {LEAST_SCENES} scenes or more")
         return None
     place = CALIBRATIONS[kind].place if CALIBRATIONS[kind].place == PLACE else None
-    curves = fit(answers.features, correct, answers.weights, place)
-    confidence = left_out(answers, place)
+    exact = CALIBRATIONS[kind].exact if by_matcher else None
+    curves = fit(answers.features, correct, answers.weights, place, exact)
+    confidence = left_out(answers, place, exact)
     scenes = len(np.unique(answers.scenes))
     print(f"{kind}: {len(rows)} rows, {len(correct)} with evidence, {scenes} scenes")
     print("  Curve({:.2f}, {:.2f}), Curve({:.2f}, {:.2f})".format(*curves))
@@ -214,8 +236,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("rows", type=Path, nargs="+")
     parser.add_argument("--figure", type=Path)
+    parser.add_argument("--by-matcher", action="store_true")
     arguments = parser.parse_args()
     rows = [json.loads(line) for file in arguments.rows for line in file.read_text().splitlines()]
+    if arguments.by_matcher:
+        report("fundamental", [row for row in rows if by_matcher(row)], by_matcher=True)
+        return
     latest = {(row["case"], row["model"]): row for row in rows if row["method"] == "adaptive"}
     results = {}
     for kind in KINDS:

@@ -60,6 +60,18 @@ def test_strong_evidence_is_trusted_and_chance_is_not(model: str) -> None:
     assert confidence(model, -10, exact) > confidence(model, -1, exact)
 
 
+def test_matches_that_are_wrong_together_need_more_evidence() -> None:
+    exact = expected("fundamental", 0.8)
+    for model in ("fundamental", "pose"):
+        assert confidence(model, -120, exact, by_matcher=True) < 0.3
+        assert confidence(model, -120, exact) > 0.3
+    assert confidence("fundamental", -900, exact, by_matcher=True) > 0.8
+    same = expected("homography", 0.5)
+    assert confidence("homography", -50, same, by_matcher=True) == confidence(
+        "homography", -50, same
+    )
+
+
 def test_a_homography_that_its_inliers_leave_open_is_not_trusted() -> None:
     assert confidence("homography", -20, expected("homography", 20, 5)) < 0.5
     exact_among_them = expected("homography", 20, 0.3)

@@ -61,6 +61,10 @@ CALIBRATIONS = {
     "pose": Calibration(PLACE, Curve(0.61, 2.15)),
 }
 """Fitted by `benchmarks/calibration.py`."""
+PLACE_BY_MATCHER = Curve(-13.65, 5.86)
+"""The place of epipolar geometries by the second matcher, whose matches are wrong together: 0.5 at
+a significance of -215. Fitted by `benchmarks/calibration.py --by-matcher`. A homography is not
+judged by it, since the near image must look like the far image where a homography puts it."""
 
 
 def log_significance(log10_nfa: float) -> float:
@@ -88,7 +92,12 @@ def log_exactness(model: str, expected: ExpectedError | None, pixel: float = 1.0
 
 
 def confidence(
-    model: str, log10_nfa: float, expected: ExpectedError | None, pixel: float = 1.0
+    model: str,
+    log10_nfa: float,
+    expected: ExpectedError | None,
+    pixel: float = 1.0,
+    *,
+    by_matcher: bool = False,
 ) -> float:
     """Return the calibrated probability that a model is correct.
 
@@ -97,9 +106,11 @@ def confidence(
         log10_nfa: decimal logarithm of the number of false alarms.
         expected: the expected error; None where it is not known.
         pixel: original far pixels that a pixel of the expected error is large.
+        by_matcher: whether the second matcher found the model.
     """
     if math.isinf(log10_nfa) and log10_nfa > 0:
         return 0.0
     curves = CALIBRATIONS[model]
-    place = curves.place.at(log_significance(log10_nfa))
+    of_place = PLACE_BY_MATCHER if by_matcher and model != "homography" else curves.place
+    place = of_place.at(log_significance(log10_nfa))
     return place * curves.exact.at(log_exactness(model, expected, pixel))

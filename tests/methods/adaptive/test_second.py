@@ -13,8 +13,9 @@ from nearfar.arrays import Matrix3, RGBPixels
 from nearfar.constants import DEFAULT, Constants
 from nearfar.errors import MissingExtraError, WeightsError
 from nearfar.geometry.homography import transform
+from nearfar.methods.adaptive.attempt import BY_MATCHER
 from nearfar.methods.adaptive.hypothesis import Hypothesis
-from nearfar.methods.adaptive.second import STEP, rotations, turned_from_image
+from nearfar.methods.adaptive.second import rotations, turned_from_image
 from tests.conftest import KnownPair
 
 BLIND: Constants = replace(
@@ -63,7 +64,7 @@ def found_with(
 
 def test_a_users_matcher_finds_what_sift_does_not(users: Users, known_pair: KnownPair) -> None:
     found = found_with(users, known_pair, known_pair.far_from_near, BLIND)
-    assert found.step == STEP
+    assert found.step == BY_MATCHER
     assert known_pair.error(np.asarray(found.far_from_near)) < 1
     assert found.agreement is not None
     assert found.agreement > DEFAULT.learned.least_agreement
@@ -75,7 +76,7 @@ def test_a_wrong_place_that_all_matches_agree_on_is_refused(
     moved = np.array([[1, 0, 90], [0, 1, 70], [0, 0, 1.0]]) @ known_pair.far_from_near
     found = found_with(users, known_pair, moved, BLIND)
     assert users.calls > 0
-    assert found.step != STEP
+    assert found.step != BY_MATCHER
     assert not found.localized
 
 

@@ -15,6 +15,9 @@ from nearfar.models import Estimate, Task
 from nearfar.verification.degeneracy import is_plausible
 from nearfar.verification.significance import log10_nfa
 
+BY_MATCHER = "matcher"
+"""Step of what the matcher of the settings found."""
+
 
 @dataclass(frozen=True, eq=False)
 class Attempt:

@@ -10,7 +10,7 @@ from nearfar.constants import Constants
 from nearfar.descriptors import DenseDescriptor
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.methods.adaptive.ambiguity import alternatives
-from nearfar.methods.adaptive.attempt import Attempt
+from nearfar.methods.adaptive.attempt import BY_MATCHER, Attempt
 from nearfar.methods.adaptive.candidates import places
 from nearfar.methods.adaptive.pair import Pair
 from nearfar.models import Agreement, Alternative, Candidate
@@ -108,7 +108,8 @@ class Checks:
                 parallax = relative_parallax(model, far, near, *task.cameras)
                 if parallax < limits.acceptance.least_parallax:  # Of one place: no direction.
                     expected = replace(expected, direction=None)
-        return confidence(task.model, best.log10_nfa, expected, task.pixel)
+        by_matcher = best.step == BY_MATCHER
+        return confidence(task.model, best.log10_nfa, expected, task.pixel, by_matcher=by_matcher)
 
     def alternatives(self, pair: Pair, best: Attempt, agrees: Agreement) -> tuple[Alternative, ...]:
         """Return other places that explain the near image nearly as well as the best attempt."""

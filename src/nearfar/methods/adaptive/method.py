@@ -19,13 +19,13 @@ from nearfar.features.nearest import nearest_neighbours
 from nearfar.imaging.mask import PixelMask
 from nearfar.methods import METHODS
 from nearfar.methods.adaptive.alignment import align
-from nearfar.methods.adaptive.attempt import Attempt, attempt
+from nearfar.methods.adaptive.attempt import BY_MATCHER, Attempt, attempt
 from nearfar.methods.adaptive.candidates import FITTED, PROPOSED, suspected
 from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair, matched_landmarks, notify
 from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
-from nearfar.methods.adaptive.second import STEP, SecondHypothesis, SecondMatcher
+from nearfar.methods.adaptive.second import SecondHypothesis, SecondMatcher
 from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, view_keypoints
 from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_matches
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
@@ -177,7 +177,7 @@ class Adaptive:
     def _refined(self, pair: Pair, best: Attempt) -> Attempt:
         """Refine a model of few matches, or one found by zooming, by narrower guided matching."""
         ladder = self._constants.ladder
-        sure = best.step == STEP or (
+        sure = best.step == BY_MATCHER or (
             best.step == "points" and best.log10_nfa < self._constants.refinement.sure
         )
         if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):

@@ -20,7 +20,7 @@ from nearfar.features.keypoints import ImageMatches
 from nearfar.features.pipeline import image_matcher
 from nearfar.geometry.homography import transform
 from nearfar.imaging.mask import MaskedImage, usable
-from nearfar.methods.adaptive.attempt import Attempt, attempt
+from nearfar.methods.adaptive.attempt import BY_MATCHER, Attempt, attempt
 from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.pair import Pair, notify
@@ -29,8 +29,6 @@ from nearfar.methods.adaptive.zoom import Matched, Region, region
 from nearfar.models import Task
 from nearfar.settings import Settings
 
-STEP = "matcher"
-"""Source of hypotheses, and step of answers, that the matcher of the settings found."""
 KEPT = 8
 """Whole images whose features are kept: the far one and rotations of near ones."""
 QUARTERS = (0, 1, 2, 3)
@@ -92,9 +90,10 @@ class SecondMatcher:
                 whole = self._whole(pair, quarter)
             found = self._fitted(pair, [whole], Task("homography"), self._local)
             if found.log10_nfa < self._learned.promising:
-                yield [SecondHypothesis(np.asarray(found.estimate.far_from_near), 0, STEP, whole)]
+                seen = np.asarray(found.estimate.far_from_near)
+                yield [SecondHypothesis(seen, 0, BY_MATCHER, whole)]
         for each in best:
-            yield [SecondHypothesis(each.far_from_near, each.support, STEP)]
+            yield [SecondHypothesis(each.far_from_near, each.support, BY_MATCHER)]
 
     def attempt(self, pair: Pair, hypothesis: SecondHypothesis, guided: Matched) -> Attempt:
         """Match the region of a hypothesis, and fit the model to these and to SIFT's matches.
@@ -135,7 +134,7 @@ class SecondMatcher:
     ) -> Attempt:
         with pair.timer.stage("estimation"):
             plausible = self._constants.acceptance
-            return attempt(sets, task, estimator, pair.far.size, STEP, constants=plausible)
+            return attempt(sets, task, estimator, pair.far.size, BY_MATCHER, constants=plausible)
 
     def _whole(self, pair: Pair, quarter: int) -> Matched:
         """Return the matches of whole images, the near one in quarter turns."""
