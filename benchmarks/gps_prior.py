@@ -28,8 +28,8 @@ from nearfar.maps.world.prior import Prior
 LATITUDE, LONGITUDE = 34.41, -119.88
 METRES = 0.2
 """Size of a pixel of the map, made up."""
-RADIUS = 15.0
-"""Radius of the expected place in metres; photographs show 60 to 90 m."""
+RADIUS = 50.0
+"""Radius of the expected place in metres, about the size of what a photograph shows."""
 OFF = {"right": 0.5, "wrong": 5.0}
 """How far the expected place is off, in radii."""
 PART, STEP = 320, 160
@@ -42,7 +42,7 @@ Photograph = tuple[str, RGBPixels, Coordinates]
 def main() -> None:
     folder = Path(sys.argv[1]) / "copr"
     flights = {
-        "parts of the map": (_parts_of_map(folder), _parts(folder, range(99), 900)),
+        "parts of the map": (_parts_of_map(folder), _parts(folder, range(0, 99, 2), 900)),
         "kite photographs": (_reduced(folder), _parts(folder, range(1, 99, 2), 500)),
     }
     with tempfile.TemporaryDirectory() as made:

@@ -344,4 +344,5 @@ def test_a_missing_package_names_its_extra(
     missing = {each.format: each for each in exported(task) if not each.file}
     assert set(missing) == names
     for each in missing.values():
-        assert each.reason == f"this needs {package}: pip install 'nearfar[export]'"
+        install = "pip install 'nearfar[export]', or '.[export]' in a clone"
+        assert each.reason == f"this needs {package}: {install}"

@@ -93,6 +93,28 @@ def test_a_folder_with_sheets_and_exports_of_each_pair(
     assert row["status"] == "localized"
 
 
+def test_one_list_of_control_points_and_one_geopackage_for_all(
+    batch: Batch,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    far, save = tmp_path / "far.png", tmp_path / "out"
+    far.write_bytes(batch.far.read_bytes())
+    far.with_suffix(".pgw").write_text("0.5\n0\n0\n-0.5\n400000\n5700000\n")
+    far.with_suffix(".prj").write_text("EPSG:32633")
+    exports = ["--export", "odm", "--export", "geopackage", "--save", save]
+    result = nearfar("localize", far, *batch.near[:2], "--method", "sift", *exports)
+    assert result.returncode == 0, result.stderr
+    names = {each.name for each in batch.near[:2]}
+    lines = (save / "gcp_list.txt").read_text().splitlines()
+    assert {line.split()[5] for line in lines[1:]} == names
+    assert len(pyogrio.read_info(save / "footprints.gpkg")["fields"]) > 0
+    assert pyogrio.read_info(save / "footprints.gpkg")["features"] == 2
+    plain = nearfar("localize", batch.far, *batch.near[:2], "--method", "sift", *exports)
+    assert plain.returncode == 2
+    assert plain.stderr.count("not exported as odm") == 2
+
+
 def test_options_of_one_pair_are_refused_for_many(
     batch: Batch,  # noqa: F811
     tmp_path: Path,

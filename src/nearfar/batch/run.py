@@ -13,7 +13,7 @@ from typing import Any
 from nearfar.batch.answers import PairAnswer
 from nearfar.batch.pairs import Pair, distinct_names
 from nearfar.errors import SettingsError
-from nearfar.exports import Subject, export_all, exporter
+from nearfar.exports import CollectionExporter, Subject, export_all, exporter
 from nearfar.geometry.camera_files import GivenCameras, IntrinsicsSource, read_cameras
 from nearfar.localizer import Localizer
 from nearfar.models import ModelKind
@@ -40,8 +40,10 @@ class BatchWork:
         intrinsics: the cameras of all pairs; None where they are not known.
         far_mask: mask of the far image of all pairs; None for none.
         far_tiles: search windows of the far image where nothing is found.
-        exports: formats to write for each pair.
+        exports: formats to write for each pair; those that have one file for many localizations
+            are left to the caller.
         folder: folder of the exports; those of a pair are in a folder named by the near image.
+        dem: raster of heights in metres, for exports that tell heights.
     """
 
     settings: Settings
@@ -51,6 +53,7 @@ class BatchWork:
     far_tiles: bool = False
     exports: tuple[str, ...] = ()
     folder: Path | None = None
+    dem: Path | None = None
 
     def key(self) -> str:
         """Return a short hash of all that changes the answers."""
@@ -226,7 +229,9 @@ def _localized(task: _Task) -> PairAnswer:
     folder = work.folder / task.name
     folder.mkdir(parents=True, exist_ok=True)
     formats = [exporter(name) for name in work.exports]
-    return PairAnswer(pair, found, not_exported=export_all(Subject(found), formats, folder).failed)
+    alone = [each for each in formats if not isinstance(each, CollectionExporter)]
+    subject = Subject(found, dem=work.dem)
+    return PairAnswer(pair, found, not_exported=export_all(subject, alone, folder).failed)
 
 
 def _died(task: _Task) -> PairAnswer:

@@ -10,7 +10,9 @@ from nearfar.batch.answers import PairAnswer
 from nearfar.batch.pairs import Pair
 from nearfar.batch.run import BatchWork, run
 from nearfar.batch.sheet import contact_sheets
+from nearfar.cli.map_exports import MapExports
 from nearfar.cli.options import BAD_INPUT, FAILED, WorkOptions
+from nearfar.exports import CollectionExporter, Subject, exporter
 from nearfar.runtime.logs import shown_progress
 from nearfar.storage.locations import Location
 
@@ -35,13 +37,26 @@ def localize_batch(
     """
     workers = work.begin()
     answers: list[PairAnswer] = []
+    together = tuple(
+        each for each in map(exporter, batch.exports) if isinstance(each, CollectionExporter)
+    )
+    subjects: list[tuple[str, Subject]] = []
     with shown_progress("pairs") as show:
         for answer in run(pairs, batch, out, workers, show):
             if out is None:
                 sys.stdout.write(json.dumps(answer.to_dict(batch.key()), allow_nan=False) + "\n")
                 sys.stdout.flush()
             _complain(answer)
+            found = answer.localization
+            if together and found is not None and found.localized:
+                subjects.append((str(answer.pair.near), Subject(found)))
             answers.append(answer.without_matches())
+    failed: list[str] = []
+    if together and save is not None:
+        save.mkdir(parents=True, exist_ok=True)
+        failed = MapExports(together, save, batch.dem).write(subjects)
+    for failure in failed:
+        sys.stderr.write(f"nearfar: {failure}\n")
     lines = summary(answers)
     if save is not None:
         with shown_progress("pictures") as show:
@@ -49,7 +64,7 @@ def localize_batch(
         lines += [f"saved {file}" for file in files]
     stream = sys.stderr if out is None else sys.stdout
     stream.write("".join(f"{line}\n" for line in lines))
-    if any(answer.localization is None or answer.not_exported for answer in answers):
+    if failed or any(each.localization is None or each.not_exported for each in answers):
         return BAD_INPUT
     return 0 if all(answer.status == "localized" for answer in answers) else FAILED
 

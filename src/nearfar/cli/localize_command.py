@@ -134,7 +134,7 @@ def localize_command(
             the working size reduces too much. Only homographies are found.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures. For many pairs, folder for contact sheets,
-            and for the exports of each pair.
+            and for the exports: of odm and geopackage one for all, of others one for each pair.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
             that nothing confirms where it failed. The JSON has all.
         export: Write a file for another tool into the folder of --save; may be repeated. Matches
@@ -155,11 +155,9 @@ def localize_command(
     chosen = with_weights(settings, weights)
     cameras = _cameras(intrinsics, far_camera, near_camera)
     if batch.asked(near):
-        if dem is not None:
-            raise SettingsError("--dem is for one pair: leave it out for many")
         _check_options(batch, far_mask, near_mask, top)
         known = None if cameras is None else read_cameras(cameras)
-        how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save)
+        how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save, dem)
         pairs = batch.read(far, near)
         say_deviations([chosen], preset)
         return localize_batch(pairs, how, work, batch.out, save)

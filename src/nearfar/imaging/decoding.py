@@ -28,6 +28,7 @@ from nearfar.imaging.tiff import (
     tiff_header,
 )
 from nearfar.imaging.tiles import Tile, reduced_size
+from nearfar.runtime import how_to_install
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "AVIF")
 """Formats that Pillow reads without an extra."""
@@ -198,7 +199,7 @@ def register_heif(path: Path) -> str:
         import pi_heif
     except ImportError:
         raise ImageError(
-            f"{path} is a HEIC image: pip install 'nearfar[heif]', or convert it to JPEG"
+            f"{path} is a HEIC image: {how_to_install('heif')}; or convert it to JPEG"
         ) from None
     pi_heif.register_heif_opener()
     return HEIF

@@ -5,6 +5,11 @@ import importlib.util
 from nearfar.errors import MissingExtraError
 
 
+def how_to_install(extra: str) -> str:
+    """Return how an extra is installed, from the package index or in a clone."""
+    return f"pip install 'nearfar[{extra}]', or '.[{extra}]' in a clone"
+
+
 def require(extra: str, *packages: str) -> None:
     """Check that packages of an extra are installed, before work is done that needs them.
 
@@ -13,4 +18,4 @@ def require(extra: str, *packages: str) -> None:
     """
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
-        raise MissingExtraError(f"this needs {', '.join(missing)}: pip install 'nearfar[{extra}]'")
+        raise MissingExtraError(f"this needs {', '.join(missing)}: {how_to_install(extra)}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from nearfar.errors import MissingExtraError, WeightsError
+from nearfar.runtime import how_to_install
 
 PACKAGES = ("torch", "kornia")
 """Packages of the extra `learned`."""
@@ -94,7 +95,7 @@ def check_installed(matcher: str, networks: Sequence[str]) -> None:
     if any(importlib.util.find_spec(each) is None for each in PACKAGES):
         raise MissingExtraError(
             f"the matcher {matcher} needs {' and '.join(PACKAGES)}, and its weights: "
-            f"pip install 'nearfar[learned]', then {install}"
+            f"{how_to_install('learned')}; then {install}"
         )
     if missing:
         raise WeightsError(f"the matcher {matcher} needs its weights: {install}")
