@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -110,6 +111,7 @@ class Localizer:
         far_mask: MaskSource | None = None,
         near_mask: MaskSource | None = None,
         watcher: Watcher | None = None,
+        budget: float = math.inf,
     ) -> Localization:
         """Find where the near image lies in the far image.
 
@@ -129,6 +131,7 @@ class Localizer:
             near_mask: the same for the near image.
             watcher: is told of each stage as it begins and, by the method `adaptive`, of each
                 attempt.
+            budget: seconds for this call, where they are fewer than those of the settings.
 
         Returns:
             The localization; its status is "failed" where none was found.
@@ -157,9 +160,10 @@ class Localizer:
             known = estimated
         with timer.stage("reading"):
             far_view, near_view = self._views(known, far_image, near_image)
+        timer.deadline = time.perf_counter() + min(budget, self.settings.budget)
         task = _task(kind, far_view, near_view, expected)
         found = self._found(self._method, task, far_view.image, near_view.image, timer)
-        if not found.localized and kind != "pose":
+        if not found.localized and kind != "pose" and not timer.late:
             found = self._mirrored(found, task, far_view.image, near_view.image, timer)
         found = in_original_pixels(found, far_view, near_view, (far_image.info, near_image.info))
         return found if found.localized else _with_size(found)

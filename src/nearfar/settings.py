@@ -92,8 +92,9 @@ class Settings:
     Attributes:
         method: Method that localizes; `nearfar list` names all methods.
         max_effort: Method adaptive: last step to try. Each step costs more than the one before.
-        budget: Method adaptive: start no further step after this many seconds. Results then depend
-            on the speed of the machine.
+        budget: Method adaptive: answer after about this many seconds with what was found by then.
+            Reading does not count, and points are always matched. Results then depend on the speed
+            of the machine.
         min_confidence: Method adaptive: report a failure if the calibrated confidence is lower.
             Answers that chance may explain (max_false_alarms) are refused whatever it is.
         max_false_alarms: Report a failure if chance alone would give more models as good as the

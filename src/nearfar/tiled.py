@@ -7,6 +7,7 @@ lost. Here windows of it are searched, first large ones and then ever smaller on
 import dataclasses
 import itertools
 import math
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -38,7 +39,8 @@ def localize_in_tiles(
 ) -> Localization:
     """Find the homography of a near image in windows of a far image, by their points.
 
-    The far image is held in memory once; of the windows, features of about 1 GB are.
+    The far image is held in memory once; of the windows, features of about 1 GB are. The budget of
+    the settings bounds the windows and the search of the whole image together.
 
     Args:
         whole: what `Localizer.localize` found in the whole far image.
@@ -73,6 +75,7 @@ def localize_in_tiles(
         )
         for each, mask in ((far, far_mask), (near, near_mask))
     )
+    deadline = time.perf_counter() + chosen.budget - sum(whole.seconds.values())
     localizer = Localizer(
         chosen.replace(max_effort="points", channels="rgb", bands=""), mirror_hints=False
     )
@@ -81,6 +84,8 @@ def localize_in_tiles(
         used = _part(far_image, window)
         if used is not None and not used.any():
             continue
+        if time.perf_counter() > deadline:
+            break
         found = localizer.localize(
             np.ascontiguousarray(far_image.pixels[window]),
             near_image.pixels,

@@ -213,3 +213,12 @@ def test_saving(map_: Path, close_up: KnownPair, tmp_path: Path) -> None:
     assert [file.name for file in files] == ["view.json", "view.png"]
     assert json.loads(files[0].read_text())["status"] == "located"
     assert isinstance(open_map(map_), Map)
+
+
+def test_a_budget_ends_the_verification(small_town: Path, pictures: Pictures) -> None:
+    """Only the best candidate of a picture that is in no image is verified, by its points."""
+    query = pictures("retina")[300:500, 300:500]
+    bounded = open_map(small_town, budget=1e-6).locate(query, candidates=2)
+    assert not bounded.located
+    assert len(bounded.candidates) == 1
+    assert len(open_map(small_town).locate(query, candidates=2).candidates) > 1

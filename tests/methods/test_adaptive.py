@@ -312,8 +312,8 @@ def test_nothing_is_computed_after_the_budget(
 ) -> None:
     far, near = reduced(photograph("coffee"), 3), reduced(photograph("chelsea"), 3)
     clock = Clock("zoom")
-    for module in ("method", "pair"):
-        monkeypatch.setattr(f"nearfar.methods.adaptive.{module}.time", clock)
+    for module in ("localizer", "runtime.timing", "runtime.deadline"):
+        monkeypatch.setattr(f"nearfar.{module}.time", clock)
     Localizer(budget=10).localize(far, near, model=model, expected=[np.eye(3)], watcher=clock)
     assert "zoom" in clock.stages
     assert not set(clock.stages) & {"votes", "landmark search"}

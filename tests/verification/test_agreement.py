@@ -13,7 +13,7 @@ from nearfar.descriptors import DESCRIPTORS, DenseDescriptor
 from nearfar.geometry.homography import translation
 from nearfar.imaging.mask import MaskedImage
 from nearfar.settings import Settings
-from nearfar.verification.agreement import agreement
+from nearfar.verification.agreement import agreement, near_cells
 from nearfar.verification.placement import ByHomography
 from tests.conftest import KnownPair
 
@@ -24,9 +24,9 @@ def compare() -> Callable[[MaskedImage, MaskedImage, Matrix3], float | None]:
     assert isinstance(descriptor, DenseDescriptor)
 
     def share(far: MaskedImage, near: MaskedImage, matrix: Matrix3) -> float | None:
-        found = agreement(
-            far, near, ByHomography(matrix), NO_INLIERS, descriptor, DEFAULT.agreement
-        )
+        limits = DEFAULT.agreement
+        cells = near_cells(near, descriptor, limits)
+        found = agreement(far, cells, ByHomography(matrix), NO_INLIERS, descriptor, limits)
         return None if found is None else found.share
 
     return share

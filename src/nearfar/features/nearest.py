@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nearfar.arrays import Coordinates, IndexPairs, Vectors
 from nearfar.features.keypoints import Keypoints
+from nearfar.runtime.deadline import check
 
 Similarity = Callable[[Vectors, Vectors], NDArray[np.float32]]
 """Maps (N, D) and (M, D) descriptors to (N, M) values, larger for more similar descriptors."""
@@ -50,6 +51,7 @@ def mutual_nearest(far: Vectors, near: Vectors, similarity: Similarity) -> Index
     far_of_near = np.zeros(len(near), np.intp)
     best = np.full(len(near), -np.inf, np.float32)
     for rows in _blocks(len(far), len(near), BLOCK_VALUES):
+        check()
         block = similarity(far[rows], near)
         near_of_far[rows] = block.argmax(axis=1)
         nearest = block.argmax(axis=0)
@@ -86,6 +88,7 @@ def second_similarity(
     neighbourhoods = None if others_xy is None else _Neighbourhoods(others_xy, fginn_radius)
     second = np.empty(len(vectors), np.float32)
     for rows in _blocks(len(vectors), len(others), BLOCK_VALUES):
+        check()
         block = similarity(vectors[rows], others)
         if neighbourhoods is not None:
             for row, index in enumerate(nearest[rows]):

@@ -1,6 +1,7 @@
 """Locate a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
 
 import math
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -122,6 +123,7 @@ class MapLocator:
             fitted = None if camera is None else camera.of_size(image.width, image.height, "query")
             view = view_of(image, fitted)
             query, camera = view.image, view.pinhole
+        timer.deadline = time.perf_counter() + self._settings.budget
         most = candidates if camera is None else CANDIDATES_FOR_POSE * candidates
         expected = ExpectedPlace.of(prior, self._images, self._positions)
         answers: list[MapAnswer] = []
@@ -138,10 +140,10 @@ class MapLocator:
             wanted = top if posing is None else max(top, VIEWS)
             limit = candidates if expected is None else candidates + NEAR_ADDED
             with timer.stage("verification"):
-                checked, found = self._verified(waiting, query, posing, wanted, limit)
+                checked, found = self._verified(waiting, query, posing, wanted, limit, timer)
             verified += checked
             answers += found
-            if len(_confident(answers)) >= (1 if views else wanted):
+            if len(_confident(answers)) >= (1 if views else wanted) or timer.late:
                 break
         answers = distinct_places(answers)
         photographs = {
@@ -225,19 +227,29 @@ class MapLocator:
         return nearest(self._store.blocks(), landmarks.vectors, HITS, images)
 
     def _verified(
-        self, waiting: list[Candidate], query: Image, posing: Posing | None, wanted: int, most: int
+        self,
+        waiting: list[Candidate],
+        query: Image,
+        posing: Posing | None,
+        wanted: int,
+        most: int,
+        timer: StageTimer,
     ) -> tuple[list[VerifiedCandidate], list[MapAnswer]]:
-        """Verify at most `most` candidates, until there are `wanted` confident answers."""
+        """Verify at most `most` candidates, until there are `wanted` confident answers.
+
+        After the deadline no further one is verified; the first one always is, by its points.
+        """
         verified: list[VerifiedCandidate] = []
         answers: list[MapAnswer] = []
         while waiting and len(verified) < most:
             overlaid = sum(each.failure == "overlay" for each in verified)
             closely = overlaid < VERIFIED_CLOSELY
-            checked, places = self._verify(waiting.pop(0), query, posing, closely=closely)
+            candidate = waiting.pop(0)
+            checked, places = self._verify(candidate, query, posing, timer, closely=closely)
             verified.append(checked)
             answers += places
             confident = _confident(answers)
-            if len(confident) >= wanted:
+            if len(confident) >= wanted or timer.late:
                 break
             if posing is not None and len(confident) == 1:
                 waiting.sort(
@@ -246,7 +258,13 @@ class MapLocator:
         return verified, answers
 
     def _verify(
-        self, candidate: Candidate, query: Image, posing: Posing | None, *, closely: bool
+        self,
+        candidate: Candidate,
+        query: Image,
+        posing: Posing | None,
+        timer: StageTimer,
+        *,
+        closely: bool,
     ) -> tuple[VerifiedCandidate, list[MapAnswer]]:
         """Verify a candidate; also return its places, the best first.
 
@@ -254,6 +272,7 @@ class MapLocator:
             candidate: the candidate.
             query: the query.
             posing: for a pose; None for a homography.
+            timer: has the deadline.
             closely: whether to search the tile anew where an overlay was left out, on which the
                 votes may have been.
         """
@@ -268,9 +287,11 @@ class MapLocator:
         cameras = None if posing is None else posing.cameras(image.name)
         shown = MaskedImage(query.pixels, query.mask)
         localizer = self._localizer if candidate.hypotheses else self._quick
-        found = localize_in_tile(localizer, candidate, tile, shown, cameras)
-        if found.failure == "overlay" and closely:
-            found = localize_in_tile(self._closer, candidate, tile, shown, cameras)
+        left = timer.remaining
+        found = localize_in_tile(localizer, candidate, tile, shown, cameras, left)
+        if found.failure == "overlay" and closely and not timer.late:
+            left = timer.remaining
+            found = localize_in_tile(self._closer, candidate, tile, shown, cameras, left)
         confidence = found.confidence or 0.0
         checked = VerifiedCandidate(
             image.name,

@@ -85,6 +85,7 @@ def localize_in_tile(
     tile: MaskedImage,
     query: MaskedImage,
     cameras: Intrinsics | None = None,
+    budget: float = math.inf,
 ) -> Localization:
     """Localize the query in a tile, in pixels of the tile and of the original query.
 
@@ -95,6 +96,7 @@ def localize_in_tile(
         query: the query at its original size.
         cameras: intrinsics of the original map image (far) and of the query (near); with them the
             model is a pose, without them a homography.
+        budget: seconds for this tile.
     """
     tile_from_map = np.linalg.inv(candidate.tile.original_from_tile)
     expected = [tile_from_map @ each.map_from_query for each in candidate.hypotheses]
@@ -109,6 +111,7 @@ def localize_in_tile(
             expected=expected,
             far_mask=tile.mask,
             near_mask=query.mask,
+            budget=budget,
         )
     inverse = [np.linalg.inv(each) for each in expected]
     swapped = None if known is None else Intrinsics(known.near, known.far)
@@ -119,6 +122,7 @@ def localize_in_tile(
         expected=inverse,
         far_mask=query.mask,
         near_mask=tile.mask,
+        budget=budget,
     )
     return swap_roles(found, localizer.settings.constants.uncertainty)
 

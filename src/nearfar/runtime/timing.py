@@ -1,5 +1,6 @@
 """Wall time and CPU time: of the stages of a localization, and of whole runs."""
 
+import math
 import os
 import platform
 import time
@@ -40,11 +41,23 @@ class StageTimer:
     Attributes:
         seconds: wall time in seconds by stage, in the order in which stages first ran.
         watcher: gets callbacks for stages and attempts.
+        deadline: time by `time.perf_counter` at which a method is to answer with what it has.
     """
 
     def __init__(self, watcher: Watcher | None = None) -> None:
         self.seconds: dict[str, float] = {}
         self.watcher = watcher
+        self.deadline = math.inf
+
+    @property
+    def late(self) -> bool:
+        """Return whether the deadline has passed."""
+        return self.remaining < 0
+
+    @property
+    def remaining(self) -> float:
+        """Return the seconds until the deadline, negative after it."""
+        return self.deadline - time.perf_counter()
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

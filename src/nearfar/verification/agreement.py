@@ -5,13 +5,16 @@ Agreement is evidence that did not produce the model: the dense features of the 
 in its frame with the features of the far image where the model, or the matches around, put them.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nearfar.arrays import Coordinates
+from nearfar.arrays import Coordinates, Matrix3
 from nearfar.constants import AgreementConstants
 from nearfar.descriptors import DenseDescriptor
+from nearfar.features.feature_map import FeatureMap
 from nearfar.geometry.homography import transform, translation
 from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import resized
@@ -19,9 +22,46 @@ from nearfar.models import Agreement
 from nearfar.verification.placement import Placement
 
 
+@dataclass(frozen=True, eq=False)
+class NearCells:
+    """The near image, reduced, with a margin, and its features: the same for every place.
+
+    Attributes:
+        near: the near image.
+        features: of the frame.
+        frame_from_near: near pixels to pixels of the frame.
+        size: width and height of the frame in pixels.
+    """
+
+    near: MaskedImage
+    features: FeatureMap
+    frame_from_near: Matrix3
+    size: tuple[int, int]
+
+
+def near_cells(
+    near: MaskedImage, descriptor: DenseDescriptor, constants: AgreementConstants
+) -> NearCells:
+    """Describe the near image for comparisons with several places.
+
+    Args:
+        near: the near image.
+        descriptor: describes the cells.
+        constants: of the comparison.
+    """
+    small, small_from_near = resized(near.pixels, min(1.0, constants.side / max(near.size)))
+    height, width = small.shape[:2]
+    margin = constants.margin
+    right, bottom = margin + (-width % 16), margin + (-height % 16)
+    padded = cv2.copyMakeBorder(small, margin, bottom, margin, right, cv2.BORDER_REFLECT_101)
+    features = descriptor.feature_map(np.asarray(padded))
+    frame_from_near = translation(margin, margin) @ small_from_near
+    return NearCells(near, features, frame_from_near, (padded.shape[1], padded.shape[0]))
+
+
 def agreement(
     far: MaskedImage,
-    near: MaskedImage,
+    cells: NearCells,
     place: Placement,
     inliers: Coordinates,
     descriptor: DenseDescriptor,
@@ -34,7 +74,7 @@ def agreement(
 
     Args:
         far: the far image.
-        near: the near image.
+        cells: of the near image.
         place: where the points of the near image lie in the far image.
         inliers: (N, 2) near points of the matches that this was fitted to.
         descriptor: describes the cells.
@@ -43,15 +83,8 @@ def agreement(
     Returns:
         None where both images show too few of the cells to say, or too few have a known place.
     """
-    small, small_from_near = resized(near.pixels, min(1.0, constants.side / max(near.size)))
-    height, width = small.shape[:2]
-    margin = constants.margin
-    right, bottom = margin + (-width % 16), margin + (-height % 16)
-    padded = cv2.copyMakeBorder(small, margin, bottom, margin, right, cv2.BORDER_REFLECT_101)
-    frame_from_near = translation(margin, margin) @ small_from_near
-    size = padded.shape[1], padded.shape[0]
-    near_map = descriptor.feature_map(np.asarray(padded))
-    far_map = descriptor.feature_map(place.seen(far.pixels, frame_from_near, size))
+    near, near_map, frame_from_near = cells.near, cells.features, cells.frame_from_near
+    far_map = descriptor.feature_map(place.seen(far.pixels, frame_from_near, cells.size))
     grid = near_map.values.shape[:2]
     in_near = transform(np.linalg.inv(frame_from_near), near_map.centres)
     in_far = place.far_points(in_near)

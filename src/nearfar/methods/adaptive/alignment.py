@@ -22,6 +22,7 @@ from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, distinct, unit
+from nearfar.runtime.deadline import check
 
 
 class Frame:
@@ -74,6 +75,7 @@ class Frame:
         Returns:
             None where too few cells agree.
         """
+        check()
         vectors, frame_from_far = self._seen(far, hypothesis.far_from_near)
         similarity = self._vectors @ vectors.T + self._penalty
         each = np.arange(len(similarity))

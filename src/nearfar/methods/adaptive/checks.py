@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from cachetools import LRUCache
 
 from nearfar.arrays import Coordinates
 from nearfar.constants import Constants
@@ -12,9 +13,9 @@ from nearfar.geometry.epipolar import RelativePose
 from nearfar.methods.adaptive.ambiguity import alternatives
 from nearfar.methods.adaptive.attempt import BY_MATCHER, Attempt
 from nearfar.methods.adaptive.candidates import places
-from nearfar.methods.adaptive.pair import Pair
+from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair
 from nearfar.models import Agreement, Alternative, Candidate
-from nearfar.verification.agreement import agreement
+from nearfar.verification.agreement import NearCells, agreement, near_cells
 from nearfar.verification.conditioning import relative_parallax
 from nearfar.verification.confidence import confidence
 from nearfar.verification.expected_error import with_expected_error
@@ -24,6 +25,8 @@ from nearfar.verification.overlay import Overlay, shared_overlay
 from nearfar.verification.placement import ByHomography, ByMatches, Placement
 
 NO_POINTS = np.empty((0, 2))
+KEPT = 2
+"""Near images whose features are kept: one and its mirror image."""
 
 
 class Checks:
@@ -37,6 +40,7 @@ class Checks:
     def __init__(self, descriptor: DenseDescriptor, constants: Constants) -> None:
         self._descriptor = descriptor
         self._constants = constants
+        self._near_cells: LRUCache[AdaptiveFeatures, NearCells] = LRUCache(KEPT)
 
     def overlay(self, pair: Pair, best: Attempt) -> Overlay | None:
         """Return what both pictures share at one place, unless the scene around it agrees too."""
@@ -87,9 +91,12 @@ class Checks:
             return self._compared(pair, ByHomography(np.asarray(model)), near)
 
     def _compared(self, pair: Pair, place: Placement, inliers: Coordinates) -> Agreement | None:
-        far, near = pair.far.image, pair.near.image
         limits = self._constants.agreement
-        return agreement(far, near, place, inliers, self._descriptor, limits)
+        cells = self._near_cells.get(pair.near)
+        if cells is None:
+            cells = near_cells(pair.near.image, self._descriptor, limits)
+            self._near_cells[pair.near] = cells
+        return agreement(pair.far.image, cells, place, inliers, self._descriptor, limits)
 
     def confidence(self, pair: Pair, best: Attempt) -> float:
         """Return the confidence by evidence and expected error, where no other place fits."""

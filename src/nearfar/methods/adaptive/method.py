@@ -1,7 +1,7 @@
 """The adaptive localizer: points first, and only where they fail what costs more."""
 
+import contextlib
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -23,6 +23,7 @@ from nearfar.methods.adaptive.attempt import BY_MATCHER, Attempt, attempt
 from nearfar.methods.adaptive.candidates import FITTED, PROPOSED, suspected
 from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
+from nearfar.methods.adaptive.paced import PacedDescriptor
 from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair, matched_landmarks, notify
 from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
 from nearfar.methods.adaptive.second import SecondHypothesis, SecondMatcher
@@ -31,6 +32,7 @@ from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
 from nearfar.methods.points import tuned_estimator
 from nearfar.models import Answer, Excluded, Task
+from nearfar.runtime.deadline import OutOfTime, until
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 from nearfar.verification.overlay import excluded_by
@@ -53,7 +55,7 @@ class Adaptive:
     def __init__(self, name: str, settings: Settings) -> None:  # noqa: ARG002
         self._settings, self._constants = settings, settings.constants
         epipolar = self._constants.epipolar
-        self._descriptor = _dense_descriptor(settings)
+        self._descriptor = PacedDescriptor(_dense_descriptor(settings))
         self._checks = Checks(self._descriptor, self._constants)
         self._estimator = tuned_estimator(settings)
         self._local = ESTIMATORS.create(
@@ -81,16 +83,15 @@ class Adaptive:
         self, far: AdaptiveFeatures, near: AdaptiveFeatures, task: Task, timer: StageTimer
     ) -> Answer:
         """See `Method.localize`."""
-        deadline = time.perf_counter() + self._settings.budget
         excluded: Excluded | None = None
-        pair, best = self._localized(far, near, task, timer, deadline)
+        pair, best = self._localized(far, near, task, timer)
         for _ in range(self._constants.overlay.rounds):
             overlay = self._checks.overlay(pair, best)
             if overlay is None:
                 break
             excluded = excluded_by(overlay, best.far, excluded)
             far, near = pair.far.masked(overlay.far), pair.near.masked(overlay.near)
-            pair, best = self._localized(far, near, task, timer, deadline)
+            pair, best = self._localized(far, near, task, timer)
         return self._answer(pair, best, excluded)
 
     def masked(self, features: AdaptiveFeatures, mask: PixelMask) -> AdaptiveFeatures:
@@ -103,14 +104,13 @@ class Adaptive:
         near: AdaptiveFeatures,
         task: Task,
         timer: StageTimer,
-        deadline: float,
     ) -> tuple[Pair, Attempt]:
         """Try all steps until one is significant enough; return the best attempt."""
         with timer.stage("point matching"):
             nearest = nearest_neighbours(far.keypoints, near.keypoints)
             ratio = self._constants.points.ratio
             points = Matched.of(far.keypoints, near.keypoints, nearest, ratio)
-        pair = Pair(far, near, task, timer, nearest, deadline, self._constants)
+        pair = Pair(far, near, task, timer, nearest, self._constants)
         best = self._attempt(pair, [points], "points")
         if task.model == "homography":
             return pair, self._refined(pair, self._by_homography(pair, best))
@@ -122,7 +122,8 @@ class Adaptive:
         equal = self._constants.ambiguity.equal
         shared = 1 + sum(min(1.0, each.score / equal) for each in others)
         sure = self._checks.confidence(pair, best) / shared
-        found = () if self._suffices(best, sure) else self._checks.candidates(pair)
+        told = not self._suffices(best, sure) and not pair.late
+        found = self._checks.candidates(pair) if told else ()
         return Answer(
             best.far,
             best.near,
@@ -146,15 +147,16 @@ class Adaptive:
 
     def _by_homography(self, pair: Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""
-        for batch in self._hypotheses(pair, best):
-            for hypothesis in batch:
-                if pair.enough(best):
+        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+            for batch in self._hypotheses(pair, best):
+                for hypothesis in batch:
+                    if pair.enough(best):
+                        return best
+                    if hypothesis.source in PROPOSED:
+                        pair.tried.append(hypothesis)
+                    best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
+                if pair.enough(best):  # Else the next batch is computed.
                     break
-                if hypothesis.source in PROPOSED:
-                    pair.tried.append(hypothesis)
-                best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
-            if pair.enough(best):  # Else the next batch is computed.
-                break
         return best
 
     def _try(self, pair: Pair, hypothesis: Hypothesis) -> Attempt:
@@ -166,8 +168,10 @@ class Adaptive:
         found = self._attempt(pair, [self._match(pair, hypothesis, zoom.reach)], hypothesis.source)
         if found.log10_nfa >= promising or not self._zooms(hypothesis.source):
             return found
-        again = self._again(pair, found, zoom.second_reach)
-        return min(found, again, key=lambda each: each.log10_nfa)
+        with contextlib.suppress(OutOfTime):
+            again = self._again(pair, found, zoom.second_reach)
+            return min(found, again, key=lambda each: each.log10_nfa)
+        return found
 
     def _again(self, pair: Pair, found: Attempt, reach: float) -> Attempt:
         """Match under the model that an attempt found."""
@@ -182,50 +186,62 @@ class Adaptive:
         )
         if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):
             return best
-        for reach in self._constants.zoom.refinements:
-            found = self._again(pair, best, reach)
-            more = found.estimate.inliers.sum() >= best.estimate.inliers.sum()
-            if more and np.isfinite(found.log10_nfa):
-                best = replace(found, log10_nfa=min(best.log10_nfa, found.log10_nfa))
+        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+            for reach in self._constants.zoom.refinements:
+                found = self._again(pair, best, reach)
+                more = found.estimate.inliers.sum() >= best.estimate.inliers.sum()
+                if more and np.isfinite(found.log10_nfa):
+                    best = replace(found, log10_nfa=min(best.log10_nfa, found.log10_nfa))
         return best
 
     def _by_neighbours(self, pair: Pair, best: Attempt) -> Attempt:
         """Fit the model to matches of all hypotheses, ordered by their neighbours' support."""
         if pair.enough(best):
             return best
-        epipolar, reach = self._constants.epipolar, self._constants.zoom.reach
-        far, near = pair.far.keypoints, pair.near.keypoints
-        sets = [Matched.of(far, near, pair.nearest, epipolar.lax_ratio)]
+        epipolar = self._constants.epipolar
+        sets = [
+            Matched.of(pair.far.keypoints, pair.near.keypoints, pair.nearest, epipolar.lax_ratio)
+        ]
         support = [local_support(sets[0].tentative)]
         fitted = 0
-        for batch in self._hypotheses(pair, best):
-            if pair.late:
-                break
-            for hypothesis in batch:
-                matched = self._match(pair, hypothesis, reach)
-                if self._second is not None and isinstance(hypothesis, SecondHypothesis):
-                    found = self._second.attempt(pair, hypothesis, matched)
-                    best = min(best, found, key=lambda each: each.log10_nfa)
-                    continue
-                with pair.timer.stage("estimation"):
-                    local = attempt(
-                        [matched],
-                        Task("homography"),
-                        self._local,
-                        pair.far.size,
-                        hypothesis.source,
-                        constants=self._constants.acceptance,
-                    )
-                if local.log10_nfa < epipolar.local_significance:
-                    sets.append(matched)
-                    support.append(local_support(matched.tentative))
-            if len(sets) > fitted:
-                fitted = len(sets)
-                step = batch[0].source if batch else best.step
-                pooled = self._pooled(pair, sets, support, step)
-                best = min(best, pooled, key=lambda each: each.log10_nfa)
-            if pair.enough(best):  # Else the next batch is computed.
-                break
+        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+            for batch in self._hypotheses(pair, best):
+                for hypothesis in batch:
+                    best = self._pool(pair, hypothesis, best, sets, support)
+                if len(sets) > fitted:
+                    fitted = len(sets)
+                    step = batch[0].source if batch else best.step
+                    pooled = self._pooled(pair, sets, support, step)
+                    best = min(best, pooled, key=lambda each: each.log10_nfa)
+                if pair.enough(best):  # Else the next batch is computed.
+                    break
+        return best
+
+    def _pool(
+        self,
+        pair: Pair,
+        hypothesis: Hypothesis,
+        best: Attempt,
+        sets: list[Matched],
+        support: list[NDArray[np.float64]],
+    ) -> Attempt:
+        """Add the matches of a hypothesis if they agree; return the best attempt so far."""
+        matched = self._match(pair, hypothesis, self._constants.zoom.reach)
+        if self._second is not None and isinstance(hypothesis, SecondHypothesis):
+            found = self._second.attempt(pair, hypothesis, matched)
+            return min(best, found, key=lambda each: each.log10_nfa)
+        with pair.timer.stage("estimation"):
+            local = attempt(
+                [matched],
+                Task("homography"),
+                self._local,
+                pair.far.size,
+                hypothesis.source,
+                constants=self._constants.acceptance,
+            )
+        if local.log10_nfa < self._constants.epipolar.local_significance:
+            sets.append(matched)
+            support.append(local_support(matched.tentative))
         return best
 
     def _pooled(

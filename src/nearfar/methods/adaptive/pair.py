@@ -1,6 +1,5 @@
 """The two images of a localization with what all steps share."""
 
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -58,7 +57,6 @@ class Pair:
         task: kind of model.
         timer: measures the stages.
         nearest: nearest neighbours of the keypoints of both images.
-        deadline: time at which no further step begins.
         constants: of all steps.
         sought: the best places of the landmark search.
         tried: other homographies that were proposed or fitted, in that order.
@@ -69,7 +67,6 @@ class Pair:
     task: Task
     timer: StageTimer
     nearest: tuple[Nearest, Nearest]
-    deadline: float
     constants: Constants
     sought: list[Hypothesis] = field(default_factory=list)
     tried: list[Hypothesis] = field(default_factory=list)
@@ -77,7 +74,7 @@ class Pair:
     @property
     def late(self) -> bool:
         """Return whether the budget is spent."""
-        return time.perf_counter() > self.deadline
+        return self.timer.late
 
     def enough(self, best: Attempt) -> bool:
         """Return whether to stop: an attempt is significant enough, or the budget is spent."""

@@ -19,6 +19,7 @@ from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.zoom import inside
 from nearfar.models import Task
+from nearfar.runtime.deadline import check
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ def view_keypoints(
     small, small_from_image = resized(image.pixels, factor)
     found = []
     for view in views:
+        check()
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
         points = detect_rootsift(seen, constants.contrast, constants.points_per_view)

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from nearfar.runtime.deadline import check
+
 SIDE = 64
 """Side of a tile of the map, in cells, unless the templates are larger than half of it."""
 
@@ -64,6 +66,7 @@ class TemplateBank:
         padded[top : top + rows, left : left + columns] = cells
         scores = np.empty((len(self._templates), down * step, across * step), np.float32)
         for row in range(0, down * step, step):
+            check()
             band = sliding_window_view(padded[row : row + side], side, axis=1)[:, ::step]
             tiles = np.ascontiguousarray(band.transpose(0, 3, 1, 2))  # (side, side, tiles, D)
             product = _spectrum(tiles) @ self._kernel

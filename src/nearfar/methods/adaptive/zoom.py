@@ -15,6 +15,7 @@ from nearfar.geometry.homography import local_scale, scaling, transform, transla
 from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import warped
 from nearfar.methods.adaptive.votes import Tentative, matches_of
+from nearfar.runtime.deadline import check
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +125,7 @@ class Region:
         self, seen: RGBPixels, frame_from_image: Matrix3, image: MaskedImage
     ) -> Keypoints:
         """Detect keypoints in the frame, those on the image alone."""
+        check()
         found = detect_rootsift(seen, self.constants.contrast, self.constants.most_points)
         return inside(found, frame_from_image, image)
 
