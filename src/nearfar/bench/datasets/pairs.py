@@ -48,7 +48,9 @@ def _read_pair(file: Path, folder: Path) -> Case:
     if missing := [key for key in wanted if key not in content]:
         instead = " (or homography)" if "far_points" in missing else ""
         raise BenchmarkError(f"{file} lacks {', '.join(missing)}{instead}")
-    far, near = file.parent / str(content["far"]), file.parent / str(content["near"])
+    if wrong := [key for key in wanted[:3] if not isinstance(content[key], str)]:
+        raise BenchmarkError(f"{file}: {wrong[0]} must be a text, not {content[wrong[0]]!r}")
+    far, near = file.parent / content["far"], file.parent / content["near"]
     model = content["model"]
     least = {"homography": 4, "fundamental": 1}.get(model)
     if "homography" in content:
