@@ -13,6 +13,15 @@ from nearfar.errors import SettingsError
 
 NETWORKS = ("nearfar", "resnet50", "squeezenet")
 """Networks that descriptors use."""
+LEARNED_NETWORKS = (
+    "aliked",
+    "aliked-lightglue",
+    "disk",
+    "disk-lightglue",
+    "xfeat",
+    "xfeat-lighterglue",
+)
+"""Networks of learned matchers: those that find points, and those that match them."""
 
 Effort = Literal["points", "landmarks", "zoom", "views"]
 EFFORTS: tuple[Effort, ...] = get_args(Effort)
@@ -110,7 +119,7 @@ class Settings:
             slide that is turned over. Poses are never mirrored.
         seed: Seed of all random choices.
         weights: Files with the weights of networks (.safetensors, .pth or .onnx), by the name of
-            the network.
+            the network. Networks of learned matchers take files that torch has saved.
         descriptor: Network or function that describes landmarks.
         batch_size: Number of landmarks that pass through a network together.
         detector: Method points: what finds and describes the keypoints of an image. Matchers of
@@ -237,12 +246,11 @@ class Settings:
                 raise SettingsError(f"{item.name} has a value of the wrong type: {value!r}")
         if (
             not isinstance(self.weights, Mapping)
-            or not set(self.weights) <= set(NETWORKS)
+            or not set(self.weights) <= {*NETWORKS, *LEARNED_NETWORKS}
             or not all(isinstance(file, str | os.PathLike) for file in self.weights.values())
         ):
-            raise SettingsError(
-                f"weights map a network ({', '.join(NETWORKS)}) to a file, not {self.weights!r}"
-            )
+            names = ", ".join((*NETWORKS, *LEARNED_NETWORKS))
+            raise SettingsError(f"weights map a network ({names}) to a file, not {self.weights!r}")
 
     def __hash__(self) -> int:
         names = (item.name for item in dataclasses.fields(self) if item.name != "weights")

@@ -1,6 +1,7 @@
 """Matchers of images with learned features; `nearfar.features.learned.networks` loads them."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -46,7 +47,8 @@ class _Learned:
     """Finds points with a network; the classes below match them."""
 
     def __init__(self, name: str, networks: list[str], settings: Settings) -> None:
-        check_installed(name, networks)
+        self._own = {each: Path(file) for each, file in settings.weights.items()}
+        check_installed(name, networks, self._own)
         self._name, self._network = name, networks[0]
         self._device = settings.device
         self._constants: LearnedConstants = settings.constants.learned
@@ -82,7 +84,8 @@ class _Learned:
         import torch
 
         most = self._constants.most_points
-        network = detector(self._network, self._device, most, self._constants.least_score)
+        least, own = self._constants.least_score, self._own.get(self._network)
+        network = detector(self._network, self._device, most, least, own)
         with torch.inference_mode():
             image = torch.from_numpy(pixels.copy()).permute(2, 0, 1)[None].float() / 255
             image = image.to(device_of(self._device))
@@ -120,7 +123,7 @@ class LightGlueMatcher(_Learned):
         if not len(far.keypoints) or not len(near.keypoints):
             return ImageMatches(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
         with torch.inference_mode():
-            network = lightglue(self._name, self._device)
+            network = lightglue(self._name, self._device, self._own.get(self._name))
             images = {"image0": self._tensors(far), "image1": self._tensors(near)}
             found = network(images)
             pairs = found["matches"][0].cpu().numpy()

@@ -2,9 +2,10 @@
 
 import functools
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from nearfar.errors import SettingsError
+from nearfar.errors import SettingsError, WeightsError
 from nearfar.features.learned.weights import state
 
 LIGHTERGLUE = {
@@ -44,7 +45,9 @@ def device_of(name: str) -> Any:
 
 
 @functools.cache
-def detector(name: str, device: str, most_points: int, least_score: float) -> Any:
+def detector(
+    name: str, device: str, most_points: int, least_score: float, own: Path | None = None
+) -> Any:
     """Return the network that finds and describes points.
 
     Args:
@@ -52,49 +55,58 @@ def detector(name: str, device: str, most_points: int, least_score: float) -> An
         device: see `device_of`.
         most_points: largest number of points in an image; DISK and XFeat take it with each image.
         least_score: score of a point; ALIKED alone uses it.
+        own: the user's file of its weights; None: the published ones.
 
     Raises:
         SettingsError: the device is not available here.
-        WeightsError: the weights are missing or not the published ones.
+        WeightsError: the weights are missing, not the published ones, or of another network.
     """
     from kornia.feature import ALIKED, DISK, XFeat
 
     if name == "aliked":
         network = ALIKED("aliked-n16", most_points, detection_threshold=least_score)
-        return _loaded(network, state(name), device)
+        return _loaded(network, state(name, own), device, own)
     if name == "disk":
-        return _loaded(DISK(), state(name)["extractor"], device)
+        weights = state(name, own)
+        return _loaded(DISK(), weights.get("extractor", weights), device, own)
     xfeat = XFeat()
-    xfeat.net = _loaded(xfeat.net, state(name), device)
+    xfeat.net = _loaded(xfeat.net, state(name, own), device, own)
     return xfeat.eval()
 
 
 @functools.cache
-def lightglue(name: str, device: str) -> Any:
+def lightglue(name: str, device: str, own: Path | None = None) -> Any:
     """Return LightGlue or LighterGlue for some features.
 
     Args:
         name: "aliked-lightglue", "disk-lightglue" or "xfeat-lighterglue".
         device: see `device_of`.
+        own: the user's file of its weights; None: the published ones.
 
     Raises:
         SettingsError: the device is not available here.
-        WeightsError: the weights are missing or not the published ones.
+        WeightsError: the weights are missing, not the published ones, or of another network.
     """
     from kornia.feature import LightGlue
 
     network = LightGlue(
         None, **(LIGHTERGLUE if name == "xfeat-lighterglue" else {"input_dim": 128})
     )
-    own = network.state_dict()
-    weights = {_current_name(each): value for each, value in state(name).items()}
-    return _loaded(network, {each: weights[each] for each in own if each in weights}, device)
+    known = network.state_dict()
+    weights = {_current_name(each): value for each, value in state(name, own).items()}
+    used = {each: weights[each] for each in known if each in weights}
+    return _loaded(network, used, device, own)
 
 
-def _loaded(network: Any, weights: Mapping[str, Any], device: str) -> Any:
-    """Load weights into a network; a missing or superfluous one raises a RuntimeError."""
+def _loaded(network: Any, weights: Mapping[str, Any], device: str, own: Path | None) -> Any:
+    """Load weights into a network; a file of the user's must have all of them, and no others."""
     derived = {each: value for each, value in network.state_dict().items() if each in DERIVED}
-    network.load_state_dict(dict(weights) | derived, strict=True)
+    try:
+        network.load_state_dict(dict(weights) | derived, strict=True)
+    except (RuntimeError, TypeError, AttributeError) as error:
+        if own is None:
+            raise
+        raise WeightsError(f"the weights in {own} are those of another network") from error
     return network.eval().to(device_of(device))
 
 

