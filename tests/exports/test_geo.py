@@ -372,6 +372,10 @@ def test_from_photographs_to_layers(
     assert main([*arguments, *exports]) == 0
     printed = capsys.readouterr().out
     assert "centre on the Earth: longitude 14.99" in printed
+    assert main([*arguments[:-2], "--json"]) == 0
+    world = json.loads(capsys.readouterr().out)["world"]
+    assert world["longitude_latitude"]["centre"][0] == pytest.approx(15, abs=0.01)
+    assert world["source"] == "raster"
     assert "m a pixel" in printed
     _, rows = odm_rows(out / "gcp_list.txt")
     table = np.array([numbers for numbers, _ in rows])
@@ -403,3 +407,7 @@ def test_a_place_that_cannot_be_read_does_not_lose_the_answer(
     far.with_suffix(".prj").write_text("nothing")
     assert main(["localize", str(far), str(near), "--method", "sift"]) == 0
     assert "no place on the Earth: " in capsys.readouterr().out
+    assert main(["localize", str(far), str(near), "--method", "sift", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["world"] is None
+    assert "no place on the Earth: " in printed.err

@@ -1,5 +1,6 @@
 """`nearfar localize`."""
 
+import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -176,7 +177,7 @@ def localize_command(
             exported = export_all(subject, exporters, save)
     saved += exported.files
     say_deviations([chosen], preset)
-    sys.stdout.write((found.to_json() if as_json else _text(found, saved, top)) + "\n")
+    sys.stdout.write((_json(found) if as_json else _text(found, saved, top)) + "\n")
     for name, reason in exported.failed.items():
         sys.stderr.write(f"nearfar: not exported as {name}: {reason}\n")
     if not found.localized:
@@ -282,6 +283,17 @@ def _focal_lengths(found: Localization) -> list[str]:
         for name, camera in (("far", known.far), ("near", known.near))
         if camera is not None and camera.origin in sources
     ]
+
+
+def _json(found: Localization) -> str:
+    """Return the JSON object of a localization, with its place on the Earth as `world`."""
+    try:
+        place = place_of(found)
+    except (ImageError, MissingExtraError) as error:
+        sys.stderr.write(f"nearfar: no place on the Earth: {error}\n")
+        place = None
+    world = None if place is None else place.to_dict()
+    return json.dumps({**found.to_dict(), "world": world}, allow_nan=False)
 
 
 def _on_earth(found: Localization) -> list[str]:
