@@ -163,7 +163,8 @@ class Localizer:
         timer.deadline = time.perf_counter() + min(budget, self.settings.budget)
         task = _task(kind, far_view, near_view, expected)
         found = self._found(self._method, task, far_view.image, near_view.image, timer)
-        if not found.localized and kind != "pose" and not timer.late:
+        points = sum(timer.seconds.get(stage, 0.0) for stage in ("points", "point matching"))
+        if not found.localized and kind != "pose" and timer.remaining > points:
             found = self._mirrored(found, task, far_view.image, near_view.image, timer)
         found = in_original_pixels(found, far_view, near_view, (far_image.info, near_image.info))
         return found if found.localized else _with_size(found)

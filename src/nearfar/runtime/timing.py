@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
 from nearfar.arrays import Coordinates, Mask
+from nearfar.runtime.deadline import OutOfTime, until
 
 
 class Watcher(Protocol):
@@ -58,6 +59,15 @@ class StageTimer:
     def remaining(self) -> float:
         """Return the seconds until the deadline, negative after it."""
         return self.deadline - time.perf_counter()
+
+    @contextmanager
+    def bounded(self) -> Iterator[None]:
+        """Leave the enclosed block before the deadline; then the time counts as spent."""
+        try:
+            with until(self.deadline):
+                yield
+        except OutOfTime:
+            self.deadline = -math.inf
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

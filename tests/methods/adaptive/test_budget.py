@@ -10,6 +10,8 @@ import pytest
 from nearfar import Localizer
 from nearfar.arrays import RGBPixels
 from nearfar.constants import DEFAULT
+from nearfar.runtime.deadline import check
+from nearfar.runtime.timing import StageTimer
 
 Photograph = Callable[[str], RGBPixels]
 GENEROUS = 10.0
@@ -50,3 +52,12 @@ def test_what_was_found_by_then_is_answered(photograph: Photograph) -> None:
     assert time.perf_counter() - start < 0.5 + GENEROUS
     assert found.localized
     assert "views" not in found.seconds
+
+
+def test_what_would_end_too_late_spends_the_rest_of_the_time() -> None:
+    timer = StageTimer()
+    timer.deadline = time.perf_counter() + 1000
+    with timer.bounded():
+        check(2000)
+        pytest.fail("there is no time for this")
+    assert timer.late

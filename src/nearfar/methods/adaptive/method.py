@@ -32,7 +32,7 @@ from nearfar.methods.adaptive.votes import hypotheses, local_support, tentative_
 from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
 from nearfar.methods.points import tuned_estimator
 from nearfar.models import Answer, Excluded, Task
-from nearfar.runtime.deadline import OutOfTime, until
+from nearfar.runtime.deadline import OutOfTime
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 from nearfar.verification.overlay import excluded_by
@@ -147,7 +147,7 @@ class Adaptive:
 
     def _by_homography(self, pair: Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""
-        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+        with pair.timer.bounded():
             for batch in self._hypotheses(pair, best):
                 for hypothesis in batch:
                     if pair.enough(best):
@@ -186,7 +186,7 @@ class Adaptive:
         )
         if sure or best.log10_nfa > ladder.refined or not self._zooms(best.step):
             return best
-        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+        with pair.timer.bounded():
             for reach in self._constants.zoom.refinements:
                 found = self._again(pair, best, reach)
                 more = found.estimate.inliers.sum() >= best.estimate.inliers.sum()
@@ -204,7 +204,7 @@ class Adaptive:
         ]
         support = [local_support(sets[0].tentative)]
         fitted = 0
-        with contextlib.suppress(OutOfTime), until(pair.timer.deadline):
+        with pair.timer.bounded():
             for batch in self._hypotheses(pair, best):
                 for hypothesis in batch:
                     best = self._pool(pair, hypothesis, best, sets, support)
