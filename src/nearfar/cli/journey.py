@@ -20,7 +20,8 @@ from nearfar.tracking.frames import JourneyFrame, followed, frames_of
 from nearfar.tracking.journal import Journal
 from nearfar.tracking.picture import contact_sheet
 from nearfar.tracking.place import half_diagonal
-from nearfar.tracking.run import follow
+from nearfar.tracking.pose_tracker import PoseTracker
+from nearfar.tracking.run import AnyTracker, follow
 from nearfar.tracking.smoothing import smoothed
 from nearfar.tracking.state import TrackState
 from nearfar.tracking.tracker import Tracker
@@ -77,8 +78,18 @@ class Journey:
         return 0 if all(each.known for each in journal.states) else FAILED
 
     def _followed(self, map_: Map, journal: Journal | None) -> Counter[str]:
-        with Tracker(map_, intrinsics=self.intrinsics, budget=self.budget) as tracker:
+        with self._tracker(map_) as tracker:
             return _tracked(tracker, self._read(map_), journal, as_json=self.as_json)
+
+    def _tracker(self, map_: Map) -> AnyTracker:
+        """Return a tracker of poses where the map and the camera give them, else of places."""
+        if self.intrinsics is None or len(map_.posed) < 2:
+            return Tracker(map_, intrinsics=self.intrinsics, budget=self.budget)
+        if self.budget is not None:
+            raise SettingsError(
+                "--budget bounds the search of maps without poses; this map has poses"
+            )
+        return PoseTracker(map_, intrinsics=self.intrinsics)
 
     def _read(self, map_: Map) -> Iterator[JourneyFrame]:
         if self.follow is not None:
@@ -109,7 +120,7 @@ class Journey:
 
 
 def _tracked(
-    tracker: Tracker, frames: Iterator[JourneyFrame], journal: Journal | None, *, as_json: bool
+    tracker: AnyTracker, frames: Iterator[JourneyFrame], journal: Journal | None, *, as_json: bool
 ) -> Counter[str]:
     """Print a line for each frame, and how fast it goes; return the number of each status."""
     counted: Counter[str] = Counter()

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from nearfar.arrays import Matrix3, RGBPixels
-from nearfar.errors import ImageError
+from nearfar.errors import ImageError, MapError
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.homography import footprint, local_scale, normalized, transform
+from nearfar.geometry.homography import footprint, local_scale, normalized, scaling, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
 from nearfar.imaging.mask import MaskedImage, MaskSource, PixelMask
@@ -109,6 +109,7 @@ class MapLocator:
         prior: Prior | None = None,
         *,
         simulated_views: bool = True,
+        among: Sequence[str] | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map; see `Map.locate`."""
         timer = StageTimer()
@@ -130,8 +131,10 @@ class MapLocator:
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
         posing = None
-        for views in _passes(expected, simulated_views=simulated_views):
-            if views:
+        for views in _passes(expected, simulated_views=simulated_views and among is None):
+            if among is not None:
+                waiting = self._given(query, among)
+            elif views:
                 waiting = self._candidates(query, views, most, expected, timer)
             else:
                 waiting = self._at_place(expected)
@@ -219,6 +222,23 @@ class MapLocator:
         found = sorted(found, key=lambda each: -each.votes)[: HYPOTHESES_PER_CANDIDATE * most]
         tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
         return group_by_tile(found, tiles, (query.width, query.height))[:most]
+
+    def _given(self, query: Image, names: Sequence[str]) -> list[Candidate]:
+        """Return the whole of the map images of some names, in their order.
+
+        Raises:
+            MapError: the map has no usable image of a name.
+        """
+        ids = {image.name: key for key, image in self._images.items()}
+        found = []
+        for name in names:
+            if name not in ids:
+                raise MapError(f"the map has no usable image {name!r}: see `nearfar map info`")
+            image = self._images[ids[name]]
+            whole = scaling(image.width / query.width, image.height / query.height)
+            found.append(Hypothesis(image.id, whole, 0.0))
+        tiles = {each.image: self._store.tiles(each.image) for each in found}
+        return group_by_tile(found, tiles, (query.width, query.height))
 
     def _hits(self, landmarks: Landmarks, expected: ExpectedPlace | None) -> Hits:
         images = self._images.keys() if expected is None else expected.weights.keys()

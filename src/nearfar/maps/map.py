@@ -1,6 +1,6 @@
 """A map: many images, in which other images are located."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
@@ -101,6 +101,7 @@ class Map:
         mask: MaskSource | None = None,
         simulated_views: bool = True,
         prior: Prior | None = None,
+        among: Sequence[str] | None = None,
     ) -> MapLocalization:
         """Find where an image lies in the map.
 
@@ -118,6 +119,8 @@ class Map:
             prior: where the camera of the image is expected to have been. Map images that were
                 taken near it are verified first; the others follow, unless the prior leaves them
                 out.
+            among: names of the map images that are verified, in this order, where it is known
+                which may show the image; None searches all.
 
         Returns:
             The answers, best first; without answers where the image was not found.
@@ -125,8 +128,8 @@ class Map:
         Raises:
             ImageError: the image or its mask cannot be read, or the mask has another size.
             IntrinsicsError: the intrinsics cannot be read.
-            MapError: the map was made with another descriptor, or there is a prior and no position
-                of any map image is known.
+            MapError: the map was made with another descriptor, or has no image of a name, or there
+                is a prior and no position of any map image is known.
             SettingsError: a number is below 1.
             WeightsError: the weights of the descriptor cannot be read.
         """
@@ -140,7 +143,14 @@ class Map:
                 f"the map {self.folder} knows no place of its images: add photographs with GPS tags"
             )
         return self._locator.locate(
-            image, top, candidates, camera, mask, prior, simulated_views=simulated_views
+            image,
+            top,
+            candidates,
+            camera,
+            mask,
+            prior,
+            simulated_views=simulated_views,
+            among=among,
         )
 
     def add(

@@ -6,12 +6,15 @@ from itertools import chain
 from nearfar.errors import ImageError
 from nearfar.tracking.frames import JourneyFrame
 from nearfar.tracking.journal import Journal
+from nearfar.tracking.pose_tracker import PoseTracker
 from nearfar.tracking.state import TrackState
 from nearfar.tracking.tracker import Tracker
 
+AnyTracker = Tracker | PoseTracker
+
 
 def follow(
-    tracker: Tracker, frames: Iterable[JourneyFrame], journal: Journal | None = None
+    tracker: AnyTracker, frames: Iterable[JourneyFrame], journal: Journal | None = None
 ) -> Iterator[TrackState]:
     """Yield the state of each frame that the journal lacks.
 
@@ -35,7 +38,7 @@ def follow(
         yield state
 
 
-def _state_of(tracker: Tracker, frame: JourneyFrame) -> TrackState:
+def _state_of(tracker: AnyTracker, frame: JourneyFrame) -> TrackState:
     """Return the state of a frame; of one that cannot be read, the predicted one."""
     try:
         return tracker.update(frame.image, frame.time, name=frame.name)
@@ -44,7 +47,7 @@ def _state_of(tracker: Tracker, frame: JourneyFrame) -> TrackState:
 
 
 def _resumed(
-    tracker: Tracker, frames: Iterator[JourneyFrame], checkpoint: dict[str, object]
+    tracker: AnyTracker, frames: Iterator[JourneyFrame], checkpoint: dict[str, object]
 ) -> Iterator[JourneyFrame]:
     """Bring a tracker to a checkpoint, and return the frames after it."""
     last, anchor = checkpoint["index"], checkpoint["anchor"]

@@ -35,7 +35,7 @@ STEP = 0.05
 """Share of the query's shorter side by which heading and resolution are measured."""
 
 GeoSource = Literal["raster", "drone", "photographs"]
-Source = Literal["model", "triangulation", "directions", "one image"]
+Source = Literal["model", "triangulation", "directions", "one image", "motion"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class QueryPose:
             where the centre is known.
         source: "model": by points of the model; "triangulation": by points that several map images
             show; "directions": where the directions from several map images meet; "one image":
-            by one map image, which gives only a direction.
+            by one map image, which gives only a direction; "motion": predicted by a tracker.
         inliers: number of matches that agree with the pose.
         images: names of the map images that the pose was found with, the best first.
     """

@@ -1,0 +1,100 @@
+"""Follow a drive of KITTI through a map of every third frame, and compare with locating alone.
+
+    python benchmarks/drive.py KITTI/sequences/03 KITTI/poses/03.txt --out drive [--frames 60]
+
+The map has every third of the given frames with their poses. All others are followed in order. A
+gap leaves out 10 frames in a row. The table has the share with a pose, the position error of those
+in metres, median and 95 %, frames until the first pose after the gap, and CPU seconds a frame, also
+of every tenth frame located alone.
+"""
+
+import argparse
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import nearfar
+from nearfar.maps.sources import read_source
+from nearfar.maps.world.places import QueryPose
+from nearfar.tracking import PoseTracker
+
+RATE = 10.0
+"""Frames a second of KITTI."""
+GAP = 10
+ALONE_EACH = 8
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("sequence", type=Path)
+    parser.add_argument("poses", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--frames", type=int, default=1000)
+    asked = parser.parse_args()
+    files = sorted((asked.sequence / "image_0").glob("*.png"))[: asked.frames]
+    truth = np.loadtxt(asked.poses).reshape(-1, 3, 4)
+    shutil.rmtree(asked.out, ignore_errors=True)
+    asked.out.mkdir(parents=True)
+    mapped = files[::3]
+    lines = [truth[int(each.stem)].ravel() for each in mapped]
+    np.savetxt(asked.out / "poses.txt", lines)
+    intrinsics = str(asked.sequence / "calib.txt")
+    map_ = nearfar.open_map(asked.out / "map", create=True)
+    map_.add(mapped)
+    map_.attach(read_source("kitti", asked.out / "poses.txt", intrinsics), mapped)
+    others = [each for each in files if each not in set(mapped)]
+    middle = len(others) // 2
+    others = others[:middle] + others[middle + GAP :]
+    rows: list[dict[str, Any]] = []
+    tracker = PoseTracker(map_, intrinsics=intrinsics)
+    with (asked.out / "frames.jsonl").open("w") as out:
+        for number, file in enumerate(others):
+            at = int(file.stem)
+            began = time.process_time()
+            state = tracker.update(file, at / RATE)
+            row: dict[str, Any] = {"frame": at, "status": state.status, "gap": number >= middle}
+            row["cpu_seconds"] = time.process_time() - began
+            row["error"] = _error(state.world, truth[at]) if state.known else None
+            if number % ALONE_EACH == 0:
+                began = time.process_time()
+                found = map_.locate(file, intrinsics=intrinsics).pose
+                row["alone_cpu_seconds"] = time.process_time() - began
+                row["alone_error"] = _error(found, truth[at])
+            rows.append(row)
+            out.write(json.dumps(row) + "\n")
+            out.flush()
+    print(json.dumps(_summary(rows), indent=1))
+
+
+def _error(found: object, truth: np.ndarray[Any, Any]) -> float | None:
+    if not isinstance(found, QueryPose) or found.translation is None:
+        return None
+    return float(np.linalg.norm(found.translation - truth[:, 3]))
+
+
+def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    errors = [row["error"] for row in rows if row["error"] is not None]
+    alone = [row for row in rows if "alone_cpu_seconds" in row]
+    alone_errors = [row["alone_error"] for row in alone if row["alone_error"] is not None]
+    after = [row["error"] is not None for row in rows if row["gap"]]
+    return {
+        "frames": len(rows),
+        "with_pose": len(errors),
+        "tracked": sum(row["status"] == "tracked" for row in rows),
+        "median": float(np.median(errors)),
+        "95%": float(np.percentile(errors, 95)),
+        "frames_until_pose_after_gap": after.index(True) + 1 if any(after) else None,
+        "cpu_seconds": float(np.mean([row["cpu_seconds"] for row in rows])),
+        "alone": len(alone),
+        "alone_with_pose": len(alone_errors),
+        "alone_median": float(np.median(alone_errors)) if alone_errors else None,
+        "alone_cpu_seconds": float(np.mean([row["alone_cpu_seconds"] for row in alone])),
+    }
+
+
+if __name__ == "__main__":
+    main()
