@@ -60,7 +60,10 @@ def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> 
     assert result.returncode == 3, result.stderr
     assert result.stderr == ""
     found, unknown = map(json.loads, result.stdout.splitlines())
-    keys = {"status", "reason", "failure", "query", "answers", "world", "candidates", "seconds"}
+    keys = {
+        *("status", "reason", "failure", "query", "prior", "answers", "world", "candidates"),
+        "seconds",
+    }
     assert set(found) == set(unknown) == keys
     assert (found["status"], found["reason"]) == ("located", None)
     assert found["query"] == {"path": str(queries[0]), "width": 480, "height": 420}
@@ -181,3 +184,26 @@ def test_without_the_extra_says_what_to_install(
     monkeypatch.setitem(sys.modules, "lancedb", None)
     assert main(["map", "info", str(map_)]) == 2
     assert "pip install 'nearfar[map]'" in capsys.readouterr().err
+
+
+def test_a_matcher_of_the_users_verifies_candidates(
+    small_town: Path, queries: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is asked where SIFT refuses, here the query that is not in the map."""
+    (tmp_path / "mine_in_maps.py").write_text(
+        "import numpy as np\n"
+        "calls = []\n"
+        "def match(far, near):\n"
+        "    calls.append(near.shape)\n"
+        "    return np.empty((0, 2)), np.empty((0, 2))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    options = ["--candidates", 1, "--max-effort", "landmarks"]
+    result = nearfar(
+        "map", "locate", small_town, queries[1], *options, "--matcher", "python:mine_in_maps.match"
+    )
+    assert result.returncode == 3, result.stderr
+    assert sys.modules["mine_in_maps"].calls
+    assert_bad_input(
+        nearfar("map", "locate", small_town, queries[1], "--device", "abacus"), "device"
+    )

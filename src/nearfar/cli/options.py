@@ -163,6 +163,13 @@ class SearchOptions:
     max_effort: Effort = DEFAULTS.max_effort
     """Last step of the method adaptive to try for each candidate."""
 
+    matcher: str = DEFAULTS.matcher
+    """What matches a candidate where SIFT is not enough: a learned matcher, or python:module.name
+    of your own."""
+
+    device: str = DEFAULTS.device
+    """Where learned matchers run: auto, cpu, cuda or mps. auto takes a GPU where there is one."""
+
     min_confidence: float = DEFAULTS.min_confidence
     """Least calibrated confidence of an answer. Results that chance may explain are never answers,
     whatever it is."""
@@ -190,6 +197,8 @@ class SearchOptions:
             Prior.parsed(self.near)
         chosen = DEFAULTS.replace(
             max_effort=self.max_effort,
+            matcher=self.matcher,
+            device=self.device,
             min_confidence=self.min_confidence,
             max_pixels=self.max_pixels,
             bands=self.bands,
