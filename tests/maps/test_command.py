@@ -70,7 +70,7 @@ def test_json_lines_and_nothing_else(map_: Path, queries: tuple[Path, Path]) -> 
     (answer,) = found["answers"]
     assert set(answer) == {
         "image", "far_from_near", "footprint", "scale_change", "confidence", "votes", "world",
-        "alternatives", "expected_error",
+        "alternatives", "expected_error", "taken",
     }  # fmt: skip
     assert np.array(answer["far_from_near"]["homography"]).shape == (3, 3)
     assert np.array(answer["footprint"]).shape == (4, 2)
