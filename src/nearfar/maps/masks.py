@@ -1,10 +1,9 @@
 """Masks of the images of a map: the table that holds them, and the files that they come from."""
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -13,13 +12,11 @@ import pyarrow as pa
 from nearfar.errors import ImageError
 from nearfar.imaging.mask import read_mask
 from nearfar.imaging.mask_folder import MaskFolder
-from nearfar.maps.database import connect, database_errors, open_table, own_errors
+from nearfar.maps.database import own_errors
 from nearfar.maps.images import ImageFiles, named_files
+from nearfar.maps.side_table import SideTable
 from nearfar.maps.tables import StoredMask, schema_of
 from nearfar.storage.locations import Location
-
-TABLE = "masks"
-_SCHEMA = schema_of(image=pa.int64(), sha256=pa.string(), mask=pa.large_binary())
 
 
 def stored_mask(file: Path, size: tuple[int, int]) -> StoredMask:
@@ -66,17 +63,15 @@ def mask_files(images: ImageFiles, masks: str | PathLike[str]) -> dict[Location,
     return {file: mask for file, mask in found if mask is not None}
 
 
-class MaskStore:
+class MaskStore(SideTable):
     """The masks of the images of a map, by the image's id.
 
     Args:
         folder: folder of a map that exists.
     """
 
-    def __init__(self, folder: Location) -> None:
-        self.folder = folder
-        with database_errors(folder):
-            self._database = connect(folder)
+    NAME = "masks"
+    SCHEMA = schema_of(image=pa.int64(), sha256=pa.string(), mask=pa.large_binary())
 
     @own_errors
     def get(self, image: int) -> StoredMask | None:
@@ -99,28 +94,9 @@ class MaskStore:
     @own_errors
     def put(self, masks: Mapping[int, StoredMask]) -> None:
         """Add masks, or replace those of the same images; within `MapStore.writing`."""
-        if not masks:
-            return
-        rows: Sequence[dict[str, Any]] = [
-            {"image": image, "sha256": each.sha256, "mask": each.png}
-            for image, each in masks.items()
-        ]
-        content = pa.Table.from_pylist(rows, _SCHEMA)
-        table = self._table()
-        if table is None:
-            self._database.create_table(TABLE, content)
-            return
-        upsert = table.merge_insert("image").when_matched_update_all()
-        upsert.when_not_matched_insert_all().execute(content)
-
-    @own_errors
-    def keep(self, images: Collection[int]) -> None:
-        """Remove the masks of all other images; within `MapStore.writing`."""
-        gone = self.hashes().keys() - set(images)
-        table = self._table()
-        if table is not None and gone:
-            table.delete(f"image IN ({', '.join(map(str, gone))})")
-
-    def _table(self) -> Any:
-        """Open the table; return None before the first mask is put."""
-        return open_table(self._database, TABLE, self.folder)
+        self._put(
+            [
+                {"image": image, "sha256": each.sha256, "mask": each.png}
+                for image, each in masks.items()
+            ]
+        )

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from nearfar.errors import BenchmarkError, LocalizationError, SettingsError
@@ -65,13 +64,8 @@ class Journal:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._rows.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        self._rows.__exit__()
 
     def _read_checkpoint(self) -> dict[str, Any] | None:
         if not self._checkpoint.exists():

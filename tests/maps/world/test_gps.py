@@ -19,7 +19,7 @@ from nearfar.maps.map import Map
 from nearfar.maps.world.photo_position import NOWHERE, PhotoPosition, metres_from, position_of
 from nearfar.maps.world.photograph_ground import fitted_ground, ground_of_drone
 from nearfar.maps.world.places import METRES_PER_DEGREE
-from nearfar.maps.world.positions import TABLE, PositionStore
+from nearfar.maps.world.positions import PositionStore
 from nearfar.maps.world.prior import ExpectedPlace, Prior
 
 LATITUDE, LONGITUDE = -33.5, 151.25
@@ -109,7 +109,9 @@ def test_a_map_of_an_older_version_reads_the_places_when_images_are_added(
     map_ = open_map(tmp_path / "map", create=True)
     map_.add([flight / "photos"])
     rows = PositionStore(map_.folder).all()
-    PositionStore(map_.folder)._database.drop_table(TABLE)  # As older versions made maps.
+    PositionStore(map_.folder)._database.drop_table(
+        PositionStore.NAME
+    )  # As older versions made maps.
     with pytest.raises(MapError, match="knows no place of its images"):
         open_map(tmp_path / "map").locate(flight / "photos" / "rocket.jpg", prior=prior(0, 50))
     added = open_map(tmp_path / "map").add([flight / "photos"])

@@ -1,39 +1,34 @@
 """The table of a map that holds cameras and poses of its images."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from nearfar.geometry.intrinsics import CameraIntrinsics
-from nearfar.maps.database import connect, database_errors, open_table, own_errors
+from nearfar.maps.database import own_errors
+from nearfar.maps.side_table import SideTable
 from nearfar.maps.tables import schema_of
 from nearfar.maps.world.scene import PosedImage
-from nearfar.storage.locations import Location
-
-TABLE = "views"
-_SCHEMA = schema_of(
-    image=pa.int64(),
-    world=pa.string(),
-    camera=pa.list_(pa.float64(), 4),
-    world_from_camera=pa.list_(pa.float64(), 12),
-    observed=pa.list_(pa.float64()),
-    points=pa.list_(pa.float64()),
-)
 
 
-class PoseStore:
+class PoseStore(SideTable):
     """The cameras and poses of the images of a map.
 
     Args:
         folder: folder of a map that exists.
     """
 
-    def __init__(self, folder: Location) -> None:
-        self.folder = folder
-        with database_errors(folder):
-            self._database = connect(folder)
+    NAME = "views"
+    SCHEMA = schema_of(
+        image=pa.int64(),
+        world=pa.string(),
+        camera=pa.list_(pa.float64(), 4),
+        world_from_camera=pa.list_(pa.float64(), 12),
+        observed=pa.list_(pa.float64()),
+        points=pa.list_(pa.float64()),
+    )
 
     @own_errors
     def get(self, images: Sequence[int]) -> dict[int, PosedImage]:
@@ -45,37 +40,12 @@ class PoseStore:
         return {row["image"]: _posed(row) for row in rows}
 
     @own_errors
-    def ids(self) -> set[int]:
-        """Return the ids of the images that have a pose."""
-        table = self._table()
-        if table is None:
-            return set()
-        return {row["image"] for row in table.search().select(["image"]).to_list()}
-
-    @own_errors
     def put(self, poses: Mapping[int, PosedImage]) -> None:
         """Add poses by the image's id, or replace those of the same images, all together.
 
         Must be called within `MapStore.writing`.
         """
-        rows = pa.Table.from_pylist([_row(image, posed) for image, posed in poses.items()], _SCHEMA)
-        table = self._table()
-        if table is None:
-            self._database.create_table(TABLE, rows)
-            return
-        upsert = table.merge_insert("image").when_matched_update_all()
-        upsert.when_not_matched_insert_all().execute(rows)
-
-    @own_errors
-    def remove(self, images: Collection[int]) -> None:
-        """Remove the poses of some images; must be called within `MapStore.writing`."""
-        table = self._table()
-        if table is not None and images:
-            table.delete(f"image IN ({', '.join(map(str, images))})")
-
-    def _table(self) -> Any:
-        """Open the table; return None before the first pose is put."""
-        return open_table(self._database, TABLE, self.folder)
+        self._put([_row(image, posed) for image, posed in poses.items()])
 
 
 def _row(image: int, posed: PosedImage) -> dict[str, Any]:
