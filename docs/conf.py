@@ -35,7 +35,7 @@ python_use_unqualified_type_names = True
 
 nitpick_ignore_regex = [
     # Other packages describe their own types, and a build needs no network to link there.
-    ("py:(class|obj)", r"(collections|cv2|numpy|os|pathlib)\..*|Parameter"),
+    ("py:(class|obj)", r"(collections|cv2|numpy|os|pathlib|time)\..*|Parameter"),
     # In backticks in docstrings, but no names of the reference that the context would resolve.
     (
         "py:obj",

@@ -91,6 +91,11 @@ def test_a_homography_stands_for_points(
     assert len(case.near_points) == 10
     assert transfer_errors(HALF, case.far_points, case.near_points).max() < 1e-6
     assert case.scale_change == pytest.approx(2)
+    corners = {"far_points": [[0, 0], [9, 0], [9, 9], [0, 9]]}
+    corners["near_points"] = [[2 * x, 2 * y] for x, y in corners["far_points"]]
+    file.write_text(json.dumps(pair | corners | {"homography": HALF.tolist()}))
+    (marked,) = find_pairs(tmp_path)
+    np.testing.assert_array_equal(marked.far_points, corners["far_points"])
     far_away = [[0.5, 0, 1e5], [0, 0.5, 10.25], [0, 0, 1]]
     wrong = [
         (pair, r"lacks far_points, near_points \(or homography\)"),

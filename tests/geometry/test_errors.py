@@ -44,11 +44,13 @@ def test_transfer_errors_by_hand() -> None:
 
 
 def test_published_variant_leaves_out_the_division() -> None:
-    doubled = 2 * np.eye(3)
+    tilted = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0, 1.0]])
     points = np.array([[3, 4.0]])
-    assert symmetric_transfer_error(doubled, points, points) == pytest.approx(0)
-    # 2p - p there and p / 2 - p back: 5 and 2.5.
-    assert published_symmetric_transfer_error(doubled, points, points) == pytest.approx(7.5)
+    # p / 1.3 - p there and p / 0.7 - p back.
+    expected = 5 * (1 - 1 / 1.3) + 5 * (1 / 0.7 - 1)
+    assert symmetric_transfer_error(tilted, points, points) == pytest.approx(expected)
+    assert published_symmetric_transfer_error(tilted, points, points) == pytest.approx(0)
+    assert published_symmetric_transfer_error(2 * tilted, points, points) == pytest.approx(0)
 
 
 def test_published_variant_takes_the_inverse_of_the_other_direction_as_it_is() -> None:

@@ -119,6 +119,8 @@ def read_intrinsics(source: IntrinsicsSource) -> Intrinsics:
         IntrinsicsError: the file cannot be read, its values are not valid intrinsics, or a camera
             is to be found with its image.
     """
+    if isinstance(source, Intrinsics):
+        return source
     given = read_cameras(source)
     if isinstance(given.far, str) or isinstance(given.near, str):
         raise IntrinsicsError("exif and estimate need the images: give them to localize")

@@ -43,8 +43,9 @@ def _read_pair(file: Path, folder: Path) -> Case:
         raise BenchmarkError(f"{file} cannot be read: {error}") from error
     if not isinstance(content, dict):
         raise BenchmarkError(f"{file} must be a JSON object with far, near, model and points")
-    wanted = ["far", "near", "model"]
-    wanted += [] if "homography" in content else ["far_points", "near_points"]
+    points = ["far_points", "near_points"]
+    by_homography = "homography" in content and not all(key in content for key in points)
+    wanted = ["far", "near", "model"] + ([] if by_homography else points)
     if missing := [key for key in wanted if key not in content]:
         instead = " (or homography)" if "far_points" in missing else ""
         raise BenchmarkError(f"{file} lacks {', '.join(missing)}{instead}")
@@ -53,7 +54,7 @@ def _read_pair(file: Path, folder: Path) -> Case:
     far, near = file.parent / content["far"], file.parent / content["near"]
     model = content["model"]
     least = {"homography": 4, "fundamental": 1}.get(model)
-    if "homography" in content:
+    if by_homography:
         far_points, near_points = _points_of_homography(file, content["homography"], far, near)
     else:
         far_points, near_points = (_points(file, content, f"{s}_points") for s in ("far", "near"))
