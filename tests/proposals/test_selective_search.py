@@ -85,6 +85,7 @@ def test_opencvs_smallest_segment_is_the_default_and_a_smaller_one_gives_more_bo
 def test_the_package_tells_boxes_of_large_regions_from_large_boxes(
     photograph: Callable[[str], RGBPixels],
 ) -> None:
+    pytest.importorskip("selectivesearch")
     image = np.ascontiguousarray(photograph("chelsea")[:100, :120])
     chosen = Settings(
         proposal_k=50, proposal_min_segment=10, proposal_min_area=400, proposal_max_aspect=10
