@@ -11,7 +11,9 @@ from nearfar.bench.published import table_three, unlike_kitti_cases
 from nearfar.bench.report.paper_figures import best_configurations, far_in_near
 from nearfar.bench.results import Result
 from nearfar.bench.studies.paper import (
+    Part,
     descriptors_of,
+    estimate_of,
     image_pairs,
     kitti_cases,
     parts_of,
@@ -169,6 +171,36 @@ def test_one_command_writes_tables_and_figures_and_calls_stand_ins_so(
     assert "Stand-in" in page
     assert main(command) == 0
     assert "reused 3 rows" in capsys.readouterr().err
+
+
+def test_an_estimate_counts_features_by_image_and_the_rest_by_pair(tmp_path: Path) -> None:
+    write_sequence(tmp_path, (0, 5, 10, 15))
+    part = Part("kitti", "KITTI", tuple(kitti_cases(tmp_path)), (Settings(),) * 2)
+    rows = [
+        {"case": case, "far": far, "near": near, "seconds": {"points": 3.0, "estimation": 1.0}}
+        for case, far, near in (("a", "0", "5"), ("b", "0", "10"), ("a", "0", "5"))
+    ]
+    found = estimate_of(part, rows, 300)
+    assert (found.image_seconds, found.pair_seconds, found.row_bytes) == (3.0, 1.5, 100)
+    assert found.hours == (4 * 3.0 + 6 * 1.5) / 3600
+    assert found.gigabytes == 100 * 6 * 2 / 1e9
+
+
+def test_a_dry_run_counts_what_kitti_and_the_montreal_pictures_hold(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("nearfar.bench.studies.pairs.PAPER_SIZE", (40, 30))
+    write_sequence(tmp_path / "kitti", (0, 5, 10))
+    write_montreal(tmp_path / "montreal", ("cartier", "museum", "church"))
+    command = ["bench", "paper", "--out", str(tmp_path / "run"), "--descriptor", "hog"]
+    for name in ("kitti", "montreal"):
+        command += [f"--{name}", str(tmp_path / name)]
+    assert main([*command, "--dry-run"]) == 0
+    said = capsys.readouterr().out
+    assert "| image pairs (Table III) | 2 | 4 | 3 |" in said
+    assert "| KITTI (Table II) | 3 | 3 | 3 |" in said
+    assert "Stand-in for the paper's image pairs (Table III): 2 pairs instead of 31." in said
+    assert not list((tmp_path / "run").glob("*.jsonl"))
 
 
 def test_data_must_be_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

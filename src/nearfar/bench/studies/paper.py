@@ -201,7 +201,7 @@ def _block(case: Case) -> str:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a part would take, from one pair that was run.
+    """What a part would take, from pairs that were run.
 
     Attributes:
         part: the part.
@@ -234,6 +234,17 @@ def estimated(part: Part, *, disk_bytes: int) -> Estimate:
     with tempfile.TemporaryDirectory() as folder:
         rows = run_part(replace(part, cases=(middle,)), Path(folder), disk_bytes=disk_bytes)
         size = (Path(folder) / f"{part.name}.jsonl").stat().st_size
+    return estimate_of(part, rows, size)
+
+
+def estimate_of(part: Part, rows: Sequence[Row], size: int) -> Estimate:
+    """Return what a part would take, from the rows of some of its pairs.
+
+    Args:
+        part: the part.
+        rows: rows of all variants for the same pairs.
+        size: size of these rows in bytes.
+    """
     shared, own = 0.0, 0.0
     for row in rows:
         for stage, seconds in (row.get("seconds") or {}).items():
@@ -241,4 +252,6 @@ def estimated(part: Part, *, disk_bytes: int) -> Estimate:
                 shared += seconds
             else:
                 own += seconds
-    return Estimate(part, shared / 2, own, size / max(1, len(rows)))
+    pairs = len({row["case"] for row in rows})
+    images = len({row[side] for row in rows for side in ("far", "near")})
+    return Estimate(part, shared / images, own / pairs, size / len(rows))
