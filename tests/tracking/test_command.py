@@ -34,7 +34,7 @@ def journey(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a journey with a damaged frame, killed half way, resumed and exported."""
     folder = tmp_path_factory.mktemp("journey")
     arguments = ["map", "track", str(flight.folder / "map"), str(flight.folder / "frames")]
-    arguments += ["--fps", "10", "--save", str(folder), "--intrinsics", CAMERA]
+    arguments += ["--fps", "10", "--save", str(folder), "--intrinsics", CAMERA, "--budget", "inf"]
     program = [sys.executable, "-m", "nearfar", *arguments]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

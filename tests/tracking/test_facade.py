@@ -1,5 +1,6 @@
 """A path along equal windows is followed to the end from one unique start."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def states(
     write(folder / "wall.png", wall)
     open_map(folder / "map", create=True).add([folder / "wall.png"])
     found = []
-    with Tracker(open_map(folder / "map")) as tracker:
+    with Tracker(open_map(folder / "map"), budget=math.inf) as tracker:
         for index, x in enumerate(np.arange(75, wall.shape[1] - 45, 14)):
             frame, _ = seen(wall, float(x), 62, 0.02)
             found.append((float(x), tracker.update(frame, index / 10)))

@@ -1,6 +1,7 @@
 """A camera is followed through images of a room with known poses."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -24,10 +25,10 @@ def test_camera_is_followed_and_predicted(tour: Tour) -> None:  # noqa: F811
     poses = folder / "poses.txt"
     poses.write_text("\n".join(each.kitti for each in tour.poses) + "\n")
     map_.attach(read_source("kitti", poses, MAPPED), [tour.images])
-    tracker = PoseTracker(map_, intrinsics=QUERY)
+    tracker = PoseTracker(map_, intrinsics=QUERY, budget=math.inf)
     first = [tracker.update(tour.room.seen(pose), float(k)) for k, pose in enumerate(PATH[:2])]
     kept = json.loads(json.dumps(tracker.checkpoint()))
-    later = PoseTracker(map_, intrinsics=QUERY)
+    later = PoseTracker(map_, intrinsics=QUERY, budget=math.inf)
     later.restore(kept)
     states = [*first, later.skip("damaged", 2.0), later.update(tour.room.seen(PATH[3]), 3.0)]
     assert [each.status for each in states] == ["relocalized", "tracked", "predicted", "tracked"]

@@ -1,6 +1,8 @@
 """A camera is followed over a raster."""
 
 import json
+import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +30,7 @@ class Journey:
 @pytest.fixture(scope="module")
 def journey(flight: Flight) -> Journey:
     states = []
-    with Tracker(flight.open()) as tracker:
+    with Tracker(flight.open(), budget=math.inf) as tracker:
         for index, frame in enumerate(flight.frames):
             if index == HIDDEN[0]:
                 checkpoint = json.loads(json.dumps(tracker.checkpoint()))
@@ -70,7 +72,7 @@ def test_covariance_covers_the_error(flight: Flight, states: list[TrackState]) -
 
 
 def test_jump_is_found_by_the_search_of_the_map(flight: Flight, journey: Journey) -> None:
-    with Tracker(flight.open()) as tracker:
+    with Tracker(flight.open(), budget=math.inf) as tracker:
         tracker.restore(journey.checkpoint, flight.frames[HIDDEN[0] - 1])
         found = [tracker.update(flight.jump, (HIDDEN[0] + k) / 10) for k in range(3)]
     assert [each.status for each in found] == ["predicted", "predicted", "relocalized"]
@@ -79,7 +81,7 @@ def test_jump_is_found_by_the_search_of_the_map(flight: Flight, journey: Journey
 
 
 def test_frame_of_another_place_is_lost(flight: Flight) -> None:
-    with Tracker(flight.open()) as tracker:
+    with Tracker(flight.open(), budget=math.inf) as tracker:
         state = tracker.update(GREY)
     assert state.status == "lost"
     assert state.far_from_near is None
@@ -89,7 +91,7 @@ def test_frame_of_another_place_is_lost(flight: Flight) -> None:
 
 def test_tracker_goes_on_from_a_checkpoint(flight: Flight, journey: Journey) -> None:
     kept = journey.checkpoint
-    with Tracker(flight.open()) as tracker:
+    with Tracker(flight.open(), budget=math.inf) as tracker:
         tracker.restore(kept, flight.frames[kept["anchor"]])
         for index in range(HIDDEN[0], len(flight.frames)):
             frame = GREY if index in HIDDEN else flight.frames[index]
@@ -107,7 +109,7 @@ def test_state_survives_json(states: list[TrackState]) -> None:
 
 
 def test_time_must_rise(flight: Flight) -> None:
-    with Tracker(flight.open()) as tracker:
+    with Tracker(flight.open(), budget=math.inf) as tracker:
         tracker.skip("no frame", 1.0)
         with pytest.raises(SettingsError, match="above that of the last one"):
             tracker.skip("no frame", 1.0)
@@ -118,10 +120,15 @@ def test_budget_must_be_positive(flight: Flight) -> None:
         Tracker(flight.open(), budget=0)
 
 
-def test_search_within_a_budget_goes_on_beside_the_updates(flight: Flight) -> None:
-    with Tracker(flight.open(), budget=0.02) as tracker:
+def test_lost_frame_ends_with_its_budget_and_the_search_goes_on(flight: Flight) -> None:
+    whole = time.process_time()
+    with Tracker(flight.open(), budget=0.05) as tracker:
+        own = time.thread_time()
         states = [tracker.update(flight.frames[0], 0)]
-        while not states[-1].known and len(states) < 5000:
+        own = time.thread_time() - own
+        while not states[-1].known and len(states) < 1000:
             states.append(tracker.update(flight.frames[0]))
     assert states[0].status == "lost"
+    assert states[0].reason == "the search of the whole map goes on"
+    assert own < (time.process_time() - whole) / 4
     assert states[-1].status == "relocalized"

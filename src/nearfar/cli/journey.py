@@ -14,6 +14,8 @@ from nearfar.geometry.camera_files import read_camera
 from nearfar.imaging.video import check_rate
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import GeoPlace, QueryPose
+from nearfar.runtime.logs import say
+from nearfar.tracking.constants import BUDGET
 from nearfar.tracking.earth import Earth
 from nearfar.tracking.exports import check_formats, export_journey
 from nearfar.tracking.frames import JourneyFrame, followed, frames_of
@@ -23,7 +25,7 @@ from nearfar.tracking.place import half_diagonal
 from nearfar.tracking.pose_tracker import PoseTracker
 from nearfar.tracking.run import AnyTracker, follow
 from nearfar.tracking.smoothing import smoothed
-from nearfar.tracking.state import TrackState
+from nearfar.tracking.state import STATUSES, Status, TrackState
 from nearfar.tracking.tracker import Tracker
 
 RATE_OVER = 10
@@ -79,17 +81,17 @@ class Journey:
 
     def _followed(self, map_: Map, journal: Journal | None) -> Counter[str]:
         with self._tracker(map_) as tracker:
-            return _tracked(tracker, self._read(map_), journal, as_json=self.as_json)
+            spent = _tracked(tracker, self._read(map_), journal, as_json=self.as_json)
+        if spent:
+            say(_costs(spent))
+        return Counter({status: len(times) for status, times in spent.items()})
 
     def _tracker(self, map_: Map) -> AnyTracker:
         """Return a tracker of poses where the map and the camera give them, else of places."""
+        budget = BUDGET if self.budget is None else self.budget
         if self.intrinsics is None or len(map_.posed) < 2:
-            return Tracker(map_, intrinsics=self.intrinsics, budget=self.budget)
-        if self.budget is not None:
-            raise SettingsError(
-                "--budget bounds the search of maps without poses; this map has poses"
-            )
-        return PoseTracker(map_, intrinsics=self.intrinsics)
+            return Tracker(map_, intrinsics=self.intrinsics, budget=budget)
+        return PoseTracker(map_, intrinsics=self.intrinsics, budget=budget)
 
     def _read(self, map_: Map) -> Iterator[JourneyFrame]:
         if self.follow is not None:
@@ -121,24 +123,35 @@ class Journey:
 
 def _tracked(
     tracker: AnyTracker, frames: Iterator[JourneyFrame], journal: Journal | None, *, as_json: bool
-) -> Counter[str]:
-    """Print a line for each frame, and how fast it goes; return the number of each status."""
-    counted: Counter[str] = Counter()
+) -> dict[Status, list[float]]:
+    """Print a line for each frame, and how fast it goes; return the seconds of each by status."""
+    spent: dict[Status, list[float]] = {}
     live = sys.stderr.isatty() and not sys.stdout.isatty()
     begun = [clock.monotonic()]
     for state in follow(tracker, frames, journal):
-        counted[state.status] += 1
+        spent.setdefault(state.status, []).append(state.seconds)
         begun = [*begun[-RATE_OVER:], clock.monotonic()]
         rate = (len(begun) - 1) / max(1e-9, begun[-1] - begun[0])
         text = _text(state, rate)
         sys.stdout.write((state.to_json() if as_json else text) + "\n")
         sys.stdout.flush()
         if live:
-            sys.stderr.write(f"\r\033[K{text}")
+            after = "" if state.known else f" (a search may take {tracker.budget:g} s a frame)"
+            sys.stderr.write(f"\r\033[K{text}{after}")
             sys.stderr.flush()
     if live:
         sys.stderr.write("\r\033[K")
-    return counted
+    return spent
+
+
+def _costs(spent: dict[Status, list[float]]) -> str:
+    """Return how many frames had each status, and what one of them took."""
+    parts = [
+        f"{len(spent[status])} {status} ({sum(spent[status]) / len(spent[status]):.2f} s each)"
+        for status in STATUSES
+        if status in spent
+    ]
+    return f"{sum(map(len, spent.values()))} frames: {', '.join(parts)}"
 
 
 def _text(state: TrackState, rate: float) -> str:
@@ -156,6 +169,8 @@ def _text(state: TrackState, rate: float) -> str:
     if state.height is not None:
         parts.append(f"{state.height:.1f} m over the ground")
     parts.append(f"confidence {state.confidence:.2f}" if state.known else str(state.reason))
+    if not state.known:
+        parts.append(f"{state.seconds:.1f} s")
     return f"{'; '.join(parts)}; {rate:.1f} frames/s"
 
 

@@ -4,6 +4,10 @@ from dataclasses import dataclass, field
 
 from nearfar.constants import DEFAULT, Constants
 
+BUDGET = 3.0
+"""Seconds that an update may take by default: 2.5 times as long as the search of a map that found a
+frame took, and 80 times as long as a tracked frame."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WindowConstants:

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from nearfar.errors import MapError, SettingsError
 from nearfar.geometry.camera_files import CameraSource, read_camera
 from nearfar.imaging.image import ImageSource, read_image
+from nearfar.imaging.mask import MaskedImage
 from nearfar.maps.answers import MapLocalization
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import QueryPose
 from nearfar.maps.world.pose_store import PoseStore
+from nearfar.tracking.constants import BUDGET
+from nearfar.tracking.recovery import MapSearch
 from nearfar.tracking.state import TrackState
 
 Array = NDArray[np.float64]
@@ -38,6 +41,8 @@ class PoseConstants:
     """Largest distance of a measured centre from the predicted one, in standard deviations."""
     lost: float = 1.0
     """Standard deviation of the centre, in such distances, from which on the camera is lost."""
+    longest_pause: int = 8
+    """Most frames between two searches of the map; they grow with the frames without a pose."""
 
 
 class PoseTracker:
@@ -49,18 +54,31 @@ class PoseTracker:
     Args:
         map_: the map, with poses of one world.
         intrinsics: camera that takes the frames, "query" of a file or mapping.
+        budget: seconds that an update may take, see `Tracker`.
         constants: of the tracker.
 
     Raises:
         IntrinsicsError: the intrinsics cannot be read.
         MapError: the map has fewer than two poses.
+        SettingsError: `budget` is not above 0.
     """
 
     def __init__(
-        self, map_: Map, *, intrinsics: CameraSource, constants: PoseConstants | None = None
+        self,
+        map_: Map,
+        *,
+        intrinsics: CameraSource,
+        budget: float = BUDGET,
+        constants: PoseConstants | None = None,
     ) -> None:
         self._map, self._constants = map_, constants or PoseConstants()
         self._camera = read_camera(intrinsics, "query")
+        least = map_.settings.min_confidence
+        settings = map_.settings.replace(
+            budget=min(map_.settings.budget, budget / 2), bands="", channels="rgb"
+        )
+        self._nearby = Map(map_.folder, settings)
+        self.budget, self._search = budget, MapSearch(map_, budget, least, self._located)
         names = {image.id: image.name for image in map_.images if image.usable}
         posed = PoseStore(map_.folder).get(list(names))
         if len(posed) < 2:
@@ -73,12 +91,18 @@ class PoseTracker:
         self._covariance = np.zeros((6, 6))
         self._rotation: Array = np.eye(3)
         self._world = ""
+        self._missed = self._next_search = 0
+        self._unfound = ""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        return
+        self.close()
+
+    def close(self) -> None:
+        """End the thread that searches the map, if there is one."""
+        self._search.close()
 
     def update(
         self, image: ImageSource, time: float | None = None, *, name: str | None = None
@@ -91,32 +115,46 @@ class PoseTracker:
         """
         began = clock.perf_counter()
         settings = self._map.settings
-        read = read_image(image, max_pixels=settings.max_pixels, bands=settings.bands)
-        size = read.width, read.height
+        read = read_image(
+            image,
+            max_pixels=settings.max_pixels,
+            bands=settings.bands,
+            channels=settings.channels,
+        )
+        frame = MaskedImage(read.pixels, read.mask)
         self._advance(time)
-        found = self._near(image)
+        deadline = began + self.budget
+        found = self._near(frame, deadline)
         tracked = found is not None
-        found = found or self._anywhere(image)
-        if found is None:
-            state = self._predicted(size, name, "the map images around give no pose")
+        if found is not None:
+            self._missed = self._next_search = 0
+            self._take(found[0], begin=False)
         else:
-            pose, confidence = found
-            self._take(pose, begin=not tracked)
-            state = TrackState(
-                self._index,
-                self._time,
-                "tracked" if tracked else "relocalized",
-                size,
-                image=pose.images[0],
-                inliers=pose.inliers,
-                step="prediction" if tracked else "map",
-                hypotheses=1,
-                name=name,
-                world=pose,
-                pose_covariance=self._covariance[:3, :3].copy(),
-                confidence=confidence,
-            )
+            self._missed += 1
+            found = self._sought(frame, deadline)
+        state = self._state((read.width, read.height), name, found, tracked=tracked)
         return replace(state, seconds=clock.perf_counter() - began)
+
+    def _state(
+        self, size: tuple[int, int], name: str | None, found: "Found | None", *, tracked: bool
+    ) -> TrackState:
+        if found is None:
+            return self._predicted(size, name, self._unfound)
+        pose, confidence = found
+        return TrackState(
+            self._index,
+            self._time,
+            "tracked" if tracked else "relocalized",
+            size,
+            image=pose.images[0],
+            inliers=pose.inliers,
+            step="prediction" if tracked else "map",
+            hypotheses=1,
+            name=name,
+            world=pose,
+            pose_covariance=self._covariance[:3, :3].copy(),
+            confidence=confidence,
+        )
 
     def skip(
         self, reason: str, time: float | None = None, *, name: str | None = None
@@ -135,6 +173,8 @@ class PoseTracker:
             "covariance": self._covariance.tolist(),
             "rotation": self._rotation.tolist(),
             "world": self._world,
+            "missed": self._missed,
+            "next_search": self._next_search,
         }
 
     def restore(self, content: Mapping[str, Any], anchor: ImageSource | None = None) -> None:  # noqa: ARG002
@@ -146,6 +186,7 @@ class PoseTracker:
         self._covariance = np.array(content["covariance"], np.float64)
         self._rotation = np.array(content["rotation"], np.float64)
         self._world = str(content["world"])
+        self._missed, self._next_search = int(content["missed"]), int(content["next_search"])
 
     def _advance(self, time: float | None) -> None:
         """Predict to the time of the next frame: constant velocity of the centre."""
@@ -154,6 +195,11 @@ class PoseTracker:
             raise SettingsError(
                 f"the time of a frame must be above that of the last one, {self._time}, not {now}"
             )
+        self._predict(float(now))
+        self._index += 1
+
+    def _predict(self, now: float) -> None:
+        """Move the filter on to a time."""
         step = now - self._time
         if self._mean is not None:
             forward = np.eye(6)
@@ -162,18 +208,25 @@ class PoseTracker:
             noise = np.kron([[step**3 / 3, step**2 / 2], [step**2 / 2, step]], np.eye(3))
             self._mean = forward @ self._mean
             self._covariance = forward @ self._covariance @ forward.T + density * noise
-        self._index, self._time = self._index + 1, float(now)
+        self._time = now
 
-    def _near(self, image: ImageSource) -> tuple[QueryPose, float] | None:
+    def _near(self, frame: MaskedImage, deadline: float) -> "Found | None":
         """Return the pose by the map images nearest to the prediction, if it lies near it."""
         mean = self._mean
-        if mean is None:
+        if mean is None or clock.perf_counter() >= deadline:
             return None
         away = np.linalg.norm(self._centres - mean[:3], axis=1)
         count = self._constants.candidates
         names = [self._names[k] for k in np.argsort(away, kind="stable")[:count]]
-        located = self._map.locate(image, candidates=count, intrinsics=self._camera, among=names)
-        found = _posed(located)
+        found = _posed(
+            self._nearby.locate(
+                frame.pixels,
+                mask=_mask(frame),
+                candidates=count,
+                intrinsics=self._camera,
+                among=names,
+            )
+        )
         if found is None:
             return None
         innovation = np.asarray(found[0].translation) - mean[:3]
@@ -181,10 +234,39 @@ class PoseTracker:
         surprise = math.sqrt(innovation @ np.linalg.solve(total, innovation))
         return found if surprise < self._constants.gate else None
 
-    def _anywhere(self, image: ImageSource) -> tuple[QueryPose, float] | None:
-        """Return the pose by the whole map."""
-        return _posed(
-            self._map.locate(image, intrinsics=self._camera, simulated_views=self._mean is None)
+    def _sought(self, frame: MaskedImage, deadline: float) -> "Found | None":
+        """Return the pose by the whole map: of this frame, or of an earlier one moved on."""
+        searched = self._search.ready(0.0)
+        due = self._missed >= self._next_search
+        if searched is None and due and not self._search.busy:
+            self._next_search = self._missed + min(self._missed, self._constants.longest_pause)
+            searched = self._search.search(frame, self._time, thorough=self._mean is None)
+        if searched is None and self._search.busy:
+            searched = self._search.ready(deadline - clock.perf_counter())
+        if searched is None:
+            self._unfound = "the search of the whole map goes on"
+            if not self._search.busy:
+                frames = self._next_search - self._missed
+                self._unfound = f"the whole map is searched again {frames} frames later"
+            return None
+        self._unfound = "no map image gives a pose of the frame"
+        found, now = _posed(searched.found), self._time
+        if found is None:
+            return None
+        self._missed = self._next_search = 0
+        self._time = searched.time
+        self._take(found[0], begin=True)
+        if searched.time == now:
+            return found
+        self._predict(now)
+        later = self._near(frame, math.inf)
+        if later is not None:
+            self._take(later[0], begin=False)
+        return later
+
+    def _located(self, map_: Map, frame: MaskedImage, thorough: bool) -> MapLocalization:
+        return map_.locate(
+            frame.pixels, mask=_mask(frame), intrinsics=self._camera, simulated_views=thorough
         )
 
     @property
@@ -230,7 +312,15 @@ class PoseTracker:
         )
 
 
-def _posed(located: MapLocalization) -> tuple[QueryPose, float] | None:
+Found = tuple[QueryPose, float]
+"""A pose with a centre, and its confidence."""
+
+
+def _mask(frame: MaskedImage) -> NDArray[np.uint8] | None:
+    return None if frame.mask is None else frame.mask.astype(np.uint8)
+
+
+def _posed(located: MapLocalization) -> Found | None:
     """Return a pose with a centre, and the confidence of the best answer; None without one."""
     pose = located.pose
     if pose is None or pose.translation is None or not located.answers:

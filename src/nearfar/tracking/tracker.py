@@ -2,7 +2,7 @@
 
 import math
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -17,12 +17,18 @@ from nearfar.imaging.image import Image, ImageSource, read_image
 from nearfar.imaging.mask import MaskedImage
 from nearfar.imaging.undistorted import view_of
 from nearfar.maps.map import Map
-from nearfar.tracking.constants import TRACKING, TrackingConstants
+from nearfar.tracking.constants import BUDGET, TRACKING, TrackingConstants
 from nearfar.tracking.earth import Earth
 from nearfar.tracking.hypotheses import Hypothesis, weighed
 from nearfar.tracking.matching import Frame, FrameMatcher, Measurement
 from nearfar.tracking.place import covariance_of, place_of
-from nearfar.tracking.recovery import MapSearch, Searched, hypotheses_of
+from nearfar.tracking.recovery import (
+    LOW_CONFIDENCE,
+    MapSearch,
+    Searched,
+    hypotheses_of,
+    located,
+)
 from nearfar.tracking.state import TrackState
 from nearfar.tracking.windows import Windows
 
@@ -38,9 +44,9 @@ class Tracker:
         map_: the map; it must not be changed meanwhile.
         intrinsics: camera that takes the frames, "query" of a file or mapping; its distortion is
             undone.
-        budget: seconds that an update may take. The search of the whole map then goes on in a
-            thread while places are predicted, so that results depend on the time it takes. None:
-            an update waits for the search.
+        budget: seconds that an update may take. A longer search of the whole map goes on in a
+            thread while places are predicted, so that results depend on the time it takes.
+            Infinite: an update waits for the search.
         constants: of all steps.
 
     Raises:
@@ -53,22 +59,21 @@ class Tracker:
         map_: Map,
         *,
         intrinsics: CameraSource | None = None,
-        budget: float | None = None,
+        budget: float = BUDGET,
         constants: TrackingConstants = TRACKING,
     ) -> None:
-        if budget is not None and not budget > 0:
-            raise SettingsError(f"the budget of an update must be above 0 s, not {budget}")
         self._map, self._budget, self._constants = map_, budget, constants
         self._camera = None if intrinsics is None else read_camera(intrinsics, "query")
         self._windows = Windows(map_, map_.settings.max_pixels, constants.window)
         self._matcher = FrameMatcher(map_.settings, constants)
-        self._search = MapSearch(map_, threaded=budget is not None)
+        self._search = MapSearch(map_, budget, LOW_CONFIDENCE, located)
         self._earth = Earth(map_.folder)
         self._followed: tuple[Hypothesis, ...] = ()
         self._lens = _Lens(None, np.eye(3), (0, 0))
         self._anchor: _Anchor | None = None
         self._index, self._time, self._missed = -1, -math.inf, 0
         self._next_search = 0
+        self._unfound = ""
 
     def __enter__(self) -> Self:
         return self
@@ -79,6 +84,11 @@ class Tracker:
     def close(self) -> None:
         """End the thread that searches the map, if there is one."""
         self._search.close()
+
+    @property
+    def budget(self) -> float:
+        """Return the seconds that an update may take."""
+        return self._budget
 
     def update(
         self, image: ImageSource, time: float | None = None, *, name: str | None = None
@@ -107,8 +117,7 @@ class Tracker:
         frame = Frame(MaskedImage(view.image.pixels, view.image.mask), self._constants.odometry)
         self._lens = _Lens(view.camera, view.undistorted_from_frame, view.size)
         now = self._advanced(time)
-        deadline = math.inf if self._budget is None else began + self._budget
-        followed = self._after(frame, now, deadline)
+        followed = self._after(frame, now, began + self._budget)
         limits = self._constants
         followed = [each for each in followed if each.share < limits.motion.given_up]
         self._followed = weighed(followed, limits.hypotheses)
@@ -193,12 +202,37 @@ class Tracker:
     def _after(self, frame: Frame, now: float, deadline: float) -> list[Hypothesis]:
         """Return the hypotheses at the time of a frame, matched where it matches."""
         motion = _FrameMotion(self._matcher, self._anchor, frame)
-        followed = [self._follow(each, frame, now, motion, deadline) for each in self._followed]
+        followed = self._follow_all(self._followed, frame, now, motion, deadline)
         if any(each.measured is not None for each in followed):
             self._missed, self._next_search = 0, self._constants.recovery.patience + 1
             return followed
         self._missed += 1
         return followed + self._sought(frame, now, deadline)
+
+    def _follow_all(
+        self,
+        every: Sequence[Hypothesis],
+        frame: Frame,
+        now: float,
+        motion: "_FrameMotion",
+        deadline: float,
+    ) -> list[Hypothesis]:
+        """Return hypotheses at the time of a frame; after the deadline only the first is matched.
+
+        Args:
+            every: hypotheses, the most probable first.
+            frame: the frame.
+            now: its time.
+            motion: its motion.
+            deadline: by `time.perf_counter`, in seconds.
+        """
+        found: list[Hypothesis] = []
+        for before in every:
+            if found and clock.perf_counter() >= deadline:
+                found.append(replace(before.at(now), size=frame.size, missed=before.missed + 1))
+            else:
+                found.append(self._follow(before, frame, now, motion, deadline))
+        return found
 
     def _follow(
         self,
@@ -270,10 +304,20 @@ class Tracker:
             searched = self._search.search(frame, now, thorough=not self._followed)
         if searched is None and self._search.busy:
             searched = self._search.ready(deadline - clock.perf_counter())
-        return [] if searched is None else self._found(searched, frame, now, deadline)
+        if searched is not None:
+            self._unfound = "the frame matches the map nowhere"
+            return self._found(searched, frame, now, deadline)
+        if self._search.busy:
+            self._unfound = "the search of the whole map goes on"
+        elif due:
+            self._unfound = "the frame shows too little to search the map for it"
+        else:
+            frames = self._next_search - self._missed
+            self._unfound = f"the whole map is searched again {frames} frames later"
+        return []
 
     def _found(
-        self, searched: Searched, frame: Frame, now: float, deadline: float
+        self, searched: Searched[Frame], frame: Frame, now: float, deadline: float
     ) -> list[Hypothesis]:
         """Return the places that a search of the map found, at the time of the frame."""
         constants = self._constants
@@ -281,7 +325,7 @@ class Tracker:
         if searched.time == now:
             return found
         motion = _FrameMotion(self._matcher, _Anchor(-1, searched.time, searched.frame), frame)
-        later = [self._follow(each, frame, now, motion, deadline) for each in found]
+        later = self._follow_all(found, frame, now, motion, deadline)
         return [replace(each, step="map") if each.measured is not None else each for each in later]
 
     def _remember(self, frame: Frame, now: float) -> None:
@@ -294,7 +338,7 @@ class Tracker:
         size = self._lens.size
         count = len(self._followed)
         if best is None or best.share > self._constants.motion.lost:
-            why = reason or "the frame matches the map nowhere"
+            why = reason or self._unfound
             return TrackState(
                 self._index, self._time, "lost", size, hypotheses=count, reason=why, name=name
             )
