@@ -44,6 +44,12 @@ NOT_RUN = {
     "nearfar bench paper --montreal PAIRS --out RUN --descriptor hog --descriptor nearfar": (
         "takes minutes, in tests/bench/test_paper.py"
     ),
+    "nearfar bench run loop-closure KITTI --out OUT --method sift-tuned --method adaptive": (
+        "needs a drive that comes back, in tests/bench/test_loop_closure.py"
+    ),
+    "nearfar bench run altitude PAIRS --out OUT --method sift-tuned --method adaptive": (
+        "takes minutes, in tests/bench/test_altitude.py"
+    ),
     "nearfar train descriptor PHOTOS --out RUN": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --jobs 15": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --seed 1": "takes hours",
