@@ -70,7 +70,7 @@ def test_a_revisit_is_retrieved_and_verified(
     case = next(each for each in study.cases(tmp_path) if each.name == "05/000015")
     row = study.measure(case, Localizer(method="sift-tuned"))
     assert row["strict"]
-    assert (row["place"], row["error"], row["retrieved"]) == ("000000", 1.0, 1)
+    assert (row["place"], row["metres"], row["retrieved"]) == ("000000", 1.0, 1)
 
 
 def answer(group: str, confidence: float | None, *, strict: bool = False) -> Result:

@@ -16,7 +16,8 @@ from nearfar.bench.datasets.cases import Case
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.runner import run
 from nearfar.bench.studies.kitti import find_kitti_cases
-from nearfar.bench.studies.sweep import Grid, Score, first_pairs, run_sweep, sweep_table
+from nearfar.bench.studies.sweep import Grid, first_pairs, run_sweep
+from nearfar.bench.studies.sweep_scores import scores, sweep_tables
 from nearfar.bench.studies.tap_features import TapFeatures, VectorFile, taps_of
 from nearfar.cli import main
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
@@ -169,7 +170,7 @@ def test_a_sweep_resumes(case: Case, settings: Settings, tmp_path: Path) -> None
 def test_rows_with_errors_are_retried_and_counted(
     case: Case, settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    grid = Grid("squeezenet", ("fire4", "fire9"), (32,))
+    grid = Grid("squeezenet", ("fire4",), (32,), methods=("paper", "objects"))
     file, image = tmp_path / "out" / "sweep_pairs.jsonl", case.near.read_bytes()
     case.near.write_bytes(b"no image")
     run_sweep([case], grid, settings, file, disk_bytes=0)
@@ -230,27 +231,48 @@ def test_nothing_is_run_without_weights(
         ("not run", "weights", None)
     }
     assert read_rows(file) == []
-    assert sweep_table(grid, results).count("not run: weights") == 24
+    assert sweep_tables(results).count("not run: weights") == 24
     named = Settings(weights={"resnet50": tmp_path / "missing.pth"})
     with pytest.raises(WeightsError, match="missing.pth"):
         run_sweep([case], grid, named, file, disk_bytes=0)
 
 
-def test_table() -> None:
-    grid = Grid("squeezenet", ("fire2",), (64, 32), (SUM,))
-    results = [
-        Score("pairs", name, "run", None, 9, strict, 9)
-        for strict, name in enumerate(grid.descriptors)
-    ]
-    assert sweep_table(grid, results).splitlines() == [
-        "| pairs: squeezenet | 64 px | 32 px |",
-        "| --- | --- | --- |",
-        "| fire2 | 0 / 9 | 1 / 9 |",
-        "",
-        "| pairs: sum | strict |",
-        "| --- | --- |",
-        f"| {SUM} | 2 / 9 |",
-    ]
+def row(case: str, ste: float, status: str = "localized") -> Row:
+    good = ste < 30
+    columns = {"model": "homography", "method": "paper", "strict": good, "loose": good}
+    return {"case": case, "ste": ste, "status": status} | columns
+
+
+def test_scores_by_hand() -> None:
+    e = float(np.e)
+    rows = {
+        ("paper", "a"): [row("s/one", e), row("s/two", e**4), row("s/three", e**9, "failed")],
+        ("objects", "a"): [row("s/one", e**2), row("s/two", e**4), row("s/three", e**6)],
+    }
+    configurations = [*rows, ("paper", "b")]
+    paper, objects, missing = scores("pairs", rows, configurations, 3)
+    assert (paper.strict, paper.failures, paper.wins) == (1, 1, 2)
+    assert (objects.strict, objects.failures, objects.wins) == (1, 0, 2)
+    mean = paper.means["mean ln STE"]
+    assert mean.value == pytest.approx(14 / 3)
+    assert mean.low < mean.value < mean.high
+    assert missing.status == "not run"
+    lines = sweep_tables([paper, objects, missing]).splitlines()
+    assert lines[0] == "| pairs | descriptor | strict, % | mean ln STE | failures | wins |"
+    assert lines[2].startswith("| paper | a | 1 of 3: 33 (6 to 79) | 4.667 (1.000 to 9.000)")
+    assert lines[2].endswith("| 1 | 2 |")
+    assert "not run: weights" in lines[4]
+
+
+def test_a_pose_is_scored_by_its_rotation() -> None:
+    own = [{"case": "00/1-2", "model": "pose", "r_err": 0.2, "t_err_unit": 0.7, "method": "paper"}]
+    rows = {("paper", "a"): [each | {"status": "localized"} for each in own]}
+    (score,) = scores("kitti", rows, list(rows), 1)
+    assert {name: each.value for name, each in score.means.items()} == {
+        "t_err, unit length": 0.7,
+        "r_err": 0.2,
+    }
+    assert score.wins == 1
 
 
 @pytest.mark.parametrize(

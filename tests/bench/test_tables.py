@@ -70,7 +70,7 @@ def test_table_three() -> None:
             "status": status,
             "ste": ste,
             "ste_published": 2 * ste,
-            "median_error": error,
+            "error": error,
         }
         for status, ste, error in (
             ("localized", np.e**2, 0.5),

@@ -87,3 +87,12 @@ def test_descriptors_are_joined_by_plus() -> None:
     assert len(landmark_descriptors(Settings(descriptor="hog+hog"))) == 2
     with pytest.raises(SettingsError, match="did you mean 'hog'"):
         landmark_descriptors(Settings(descriptor="hog+hogg"))
+
+
+def test_half_precision_changes_cosines_by_less_than_it_says() -> None:
+    rng = np.random.default_rng(0)
+    some = np.maximum(rng.normal(0, 1, (40, 4096)), 0).astype(np.float32)
+    exact = some.astype(np.float64) / np.linalg.norm(some.astype(np.float64), axis=1, keepdims=True)
+    half = unit_rows(some).astype(np.float64)
+    change = np.abs(half @ half.T - exact @ exact.T)
+    assert 1e-5 < change.max() < 1e-4

@@ -125,7 +125,9 @@ def verdict_on(difference: str | None) -> str:
     return "Comparable." if difference is None else f"Not comparable: {difference}."
 
 
-def table_two(results: Sequence[Result]) -> Comparison:
+def table_two(
+    results: Sequence[Result], title: str = "Poses, beside the paper's Table II"
+) -> Comparison:
     """Compare poses with the paper's Table II: means over all pairs, 1 for each failure."""
     lines = []
     for method, (t_err, r_err, failures) in PAPER_TABLE_II.items():
@@ -144,7 +146,7 @@ def table_two(results: Sequence[Result]) -> Comparison:
         )
         lines.append(Line(method, False, found))
     return Comparison(
-        "The paper's Table II",
+        title,
         f"{verdict_on(unlike_kitti(results))} The paper's rows are over "
         f"{PAPER_PAIRS:,} pairs of sequences 00-10, with the length of the translation from "
         "stereo. Means over all pairs; without an answer an error is 1.",
@@ -174,12 +176,12 @@ def table_three(results: Sequence[Result]) -> Comparison:
             )
             for name in ("ste", "ste_published")
         )
-        errors = measured([each for each in own if each.localized], "median_error")
+        total = summarize(own)
         cells = (
             f"{len(own):,}",
             *means,
-            f"{summarize(own).unanswered.count:,}",
-            mean_text(statistics.median, errors, ".2f", " px"),
+            f"{total.unanswered.count:,}",
+            DASH if total.median_error is None else f"{total.median_error:.2f} px",
         )
         lines.append(Line(method, False, cells))
     return Comparison(
@@ -192,7 +194,7 @@ def table_three(results: Sequence[Result]) -> Comparison:
             "mean ln STE",
             "mean ln STE, released code",
             "failures",
-            "median error per point",
+            "median error",
         ),
         tuple(lines),
     )

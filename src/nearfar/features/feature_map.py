@@ -34,7 +34,7 @@ def unit_rows(vectors: NDArray[np.float32]) -> NDArray[np.float16]:
     """Return (N, D) rows scaled to unit length, as float16; zero rows stay zero.
 
     Half precision halves the memory of descriptors with 131,072 values. The cosine of two of them
-    changes by less than 1e-5.
+    changes by less than 1e-4.
     """
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     unit: NDArray[np.float32] = np.divide(

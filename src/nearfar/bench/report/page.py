@@ -29,7 +29,7 @@ from nearfar.bench.studies.curves import (
     percent,
     scale_text,
 )
-from nearfar.bench.summary import DASH, Share, by_group, by_method, summarize
+from nearfar.bench.summary import DASH, Share, by_group, by_method, is_pose, summarize
 from nearfar.bench.tables import latex
 from nearfar.errors import BenchmarkError
 
@@ -172,8 +172,11 @@ def _overall(benchmark: Benchmark) -> str:
                 _decimal(summary.median_seconds),
             ]
         )
-    header = ["method", "cases", "strict", "loose", "no answer", "median error", "median s"]
-    caption = f"Successes in {benchmark.name}, % with 95 % interval"
+    unit = "degrees" if is_pose(benchmark.results) else "px"
+    error = f"median error, {unit}"
+    header = ["method", "cases", "strict", "loose", "no answer", error, "median s"]
+    cases = len({each.case for each in benchmark.results})
+    caption = f"Successes in {benchmark.name}, {cases} cases, in % with 95 % intervals"
     return latex(caption, header, rows)
 
 

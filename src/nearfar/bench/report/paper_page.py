@@ -10,6 +10,7 @@ from nearfar.bench.report.page import environment
 from nearfar.bench.report.paper_figures import draw_figures
 from nearfar.bench.results import Result, load_benchmarks
 
+SWEEP_TITLE = "The sweep over layers and sizes on KITTI, beside the paper's Table II"
 RELEASED_RULES = (
     "By the rule of the released code a pose without a length from stereo is a failure: {count} of "
     "{total} poses."
@@ -33,7 +34,7 @@ def paper_tables(found: dict[str, list[Result]]) -> list[Comparison]:
     if frames:
         tables += [table_two(frames), percentages(frames)]
     if sweep:
-        tables.append(table_two(sweep))
+        tables.append(table_two(sweep, SWEEP_TITLE))
     if pairs:
         tables += [table_three_grid(pairs, method) for method in ("paper", "objects")]
         tables.append(table_three(pairs))

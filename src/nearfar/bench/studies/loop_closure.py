@@ -273,7 +273,7 @@ class LoopClosure(Study):
         return row | {
             "strict": distance <= FAR,
             "loose": distance <= FAR,
-            "error": distance,
+            "metres": distance,
             "place": drive.frames[place].stem,
             "votes": votes,
             "confidence": best.confidence,

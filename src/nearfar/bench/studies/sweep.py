@@ -1,17 +1,16 @@
-"""The paper's sweep: method `paper` with every layer and crop size of a network (section IV)."""
+"""The paper's sweep: every layer and crop size of a network (section IV)."""
 
 import functools
-import json
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from nearfar.bench.datasets.cases import Case
 from nearfar.bench.evaluate import failure_columns
 from nearfar.bench.runner import Task, localize_start, localized_columns, resume
+from nearfar.bench.studies.sweep_scores import Score, scores
 from nearfar.bench.studies.tap_features import NETWORKS, Tap, TapFeatures, TapMethod, taps_of
-from nearfar.bench.tables import distinct, markdown
+from nearfar.bench.tables import distinct
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
 from nearfar.localizer import Localizer
 from nearfar.networks.weights import weights_file
@@ -19,8 +18,8 @@ from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.rows import Row, settings_key
 
-NO_WEIGHTS = "weights"
-"""Reason for not running a configuration: its weights are missing."""
+METHODS = ("paper", "objects")
+"""Methods that a sweep can run."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +31,17 @@ class Grid:
         layers: outputs of the network; empty for all.
         sizes: sides of the crops in pixels; empty for all.
         sums: further configurations, each of several descriptors joined by "+".
+        methods: "paper", "objects", or both.
 
     Raises:
-        SettingsError: the network, a layer or a size is unknown.
+        SettingsError: the network, a layer, a size or a method is unknown.
     """
 
     network: str
     layers: tuple[str, ...] = ()
     sizes: tuple[int, ...] = ()
     sums: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ("paper",)
 
     def __post_init__(self) -> None:
         if self.network not in NETWORKS:
@@ -52,6 +53,8 @@ class Grid:
         object.__setattr__(self, "sizes", self.sizes or network.sizes)
         for name in self.descriptors:
             taps_of(name)
+        if unknown := sorted(set(self.methods) - set(METHODS)):
+            raise SettingsError(f"a sweep has the methods paper and objects, not {unknown[0]!r}")
 
     @property
     def descriptors(self) -> list[str]:
@@ -59,28 +62,10 @@ class Grid:
         taps = (Tap(self.network, layer, size) for size in self.sizes for layer in self.layers)
         return distinct([tap.name for tap in taps] + list(self.sums))
 
-
-@dataclass(frozen=True)
-class Score:
-    """Successes of one configuration on one benchmark.
-
-    Attributes:
-        benchmark: name of the benchmark.
-        descriptor: the configuration.
-        status: whether the configuration was run.
-        reason: why it was not run; None where it was.
-        cases: number of cases.
-        strict: number of strict successes; None where it was not run.
-        loose: number of loose successes; None where it was not run.
-    """
-
-    benchmark: str
-    descriptor: str
-    status: Literal["run", "not run"]
-    reason: str | None
-    cases: int
-    strict: int | None
-    loose: int | None
+    @property
+    def configurations(self) -> list[tuple[str, str]]:
+        """Return method and descriptor of all configurations, those of one method together."""
+        return [(method, name) for method in distinct(self.methods) for name in self.descriptors]
 
 
 @dataclass(frozen=True)
@@ -115,8 +100,7 @@ def run_sweep(
     """Localize every case with every configuration that has weights; see `resume`.
 
     Each worker computes the proposals and points of an image once, and runs each network once for
-    each size. The rows are those of method `paper`. The time of a shared stage is in the row of the
-    first configuration that needed it.
+    each size. The time of a shared stage is in the row of the first configuration that needed it.
 
     Args:
         cases: the cases; those that share an image should follow each other.
@@ -130,16 +114,12 @@ def run_sweep(
         WeightsError: a weights file is damaged or not of its network.
         OSError: the disk is full; the rows before are kept.
     """
-    ready = [name for name in grid.descriptors if not _lacks_weights(name, settings)]
-    chosen = [settings.replace(method="paper", descriptor=name) for name in ready]
-    rows = run_taps(cases, chosen, file, disk_bytes=disk_bytes, workers=workers)
-    by_name = {name: rows[index :: len(ready)] for index, name in enumerate(ready)}
-    return [
-        _score(file.stem, name, by_name[name])
-        if name in by_name
-        else Score(file.stem, name, "not run", NO_WEIGHTS, len(cases), None, None)
-        for name in grid.descriptors
-    ]
+    ready = {name for name in grid.descriptors if not _lacks_weights(name, settings)}
+    chosen = [each for each in grid.configurations if each[1] in ready]
+    variants = [settings.replace(method=method, descriptor=name) for method, name in chosen]
+    rows = run_taps(cases, variants, file, disk_bytes=disk_bytes, workers=workers)
+    by_name = {each: rows[index :: len(chosen)] for index, each in enumerate(chosen)}
+    return scores(file.stem, by_name, grid.configurations, len(cases))
 
 
 def run_taps(
@@ -222,11 +202,6 @@ def _localizers(sources: _Sources) -> dict[Settings, Localizer]:
     }
 
 
-def _score(benchmark: str, descriptor: str, rows: Sequence[Row]) -> Score:
-    strict, loose = (sum(row[name] for row in rows) for name in ("strict", "loose"))
-    return Score(benchmark, descriptor, "run", None, len(rows), strict, loose)
-
-
 def first_pairs(cases: Sequence[Case], sequence: str, count: int) -> list[Case]:
     """Select the first `count` pairs of one KITTI sequence; all for 0.
 
@@ -237,38 +212,3 @@ def first_pairs(cases: Sequence[Case], sequence: str, count: int) -> list[Case]:
     if not chosen:
         raise BenchmarkError(f"there are no pairs of KITTI sequence {sequence!r}")
     return chosen[: count or None]
-
-
-def sweep_table(grid: Grid, results: Sequence[Score]) -> str:
-    """Return, in Markdown, strict successes by layer and size, and of the sums, by benchmark."""
-    parts = []
-    for benchmark in distinct(result.benchmark for result in results):
-        cells = {
-            result.descriptor: _cell(result) for result in results if result.benchmark == benchmark
-        }
-        lines = [
-            [layer, *(cells[Tap(grid.network, layer, size).name] for size in grid.sizes)]
-            for layer in grid.layers
-        ]
-        header = [f"{benchmark}: {grid.network}", *(f"{size} px" for size in grid.sizes)]
-        parts.append(markdown(header, lines))
-        if grid.sums:
-            parts.append(
-                markdown(
-                    [f"{benchmark}: sum", "strict"], [[name, cells[name]] for name in grid.sums]
-                )
-            )
-    return "\n\n".join(parts)
-
-
-def _cell(result: Score) -> str:
-    if result.status == "not run":
-        return f"not run: {result.reason}"
-    return f"{result.strict} / {result.cases}"
-
-
-def write_summary(results: Sequence[Score], folder: Path) -> Path:
-    """Write the scores to `sweep.json`, and return its path."""
-    file = folder / "sweep.json"
-    file.write_text(json.dumps([asdict(result) for result in results], indent=1) + "\n")
-    return file
