@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nearfar.arrays import RGBPixels
-from nearfar.bench.datasets.conditions import CONDITIONS, changed
+from nearfar.bench.datasets.conditions import CONDITIONS, WATERS, changed
 
 
 @pytest.fixture
@@ -39,6 +39,15 @@ def test_water_takes_red_first(coffee: RGBPixels) -> None:
     kept = seen.std(axis=(0, 1)) / coffee.std(axis=(0, 1))
     assert kept[0] < kept[1]
     assert kept[0] < kept[2]
+
+
+def test_more_water_leaves_less_of_the_photograph(coffee: RGBPixels) -> None:
+    seen = [changed(coffee, name, np.random.default_rng(0)) for name in WATERS]
+    for channel in (0, 2):
+        own = coffee[..., channel].ravel()
+        left = [np.corrcoef(own, each[..., channel].ravel())[0, 1] for each in seen]
+        assert left == sorted(left, reverse=True)
+    assert np.corrcoef(coffee[..., 0].ravel(), seen[-1][..., 0].ravel())[0, 1] < 0.2
 
 
 def test_haze_takes_contrast(coffee: RGBPixels) -> None:

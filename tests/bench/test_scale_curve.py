@@ -10,6 +10,7 @@ from PIL import Image as PillowImage
 
 from nearfar.arrays import RGBPixels
 from nearfar.bench.datasets.composites import Backgrounds
+from nearfar.bench.datasets.conditions import WATERS
 from nearfar.bench.datasets.pairs import find_pairs
 from nearfar.bench.studies.scale_curve import PlannedCase, base_pairs, make_images, plan_cases
 from nearfar.cli import main
@@ -105,6 +106,8 @@ def test_images_that_exist_are_kept(folders: tuple[Path, Path], tmp_path: Path) 
 def test_mode_light_changes_values_and_no_place(folders: tuple[Path, Path], tmp_path: Path) -> None:
     bases, factors = base_pairs(find_pairs(folders[0])), (1.0, 1.5, 2.0)
     light = plan_cases(bases, tmp_path, modes=("light",), factors=factors, seed=0)
+    water = plan_cases(bases, tmp_path, modes=("benthic",), factors=factors, seed=0)
+    assert {plan.condition for plan in water} <= set(WATERS)
     conditions = [plan.condition for plan in light]
     assert conditions == [plan.case.tags["condition"] for plan in light]
     assert len(set(conditions)) > 1

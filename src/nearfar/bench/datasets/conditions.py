@@ -4,6 +4,7 @@ A condition changes values alone; each pixel stays where it is, so that true poi
 models are simple ones of how an image is formed, with random parameters.
 """
 
+import functools
 from collections.abc import Callable
 
 import cv2
@@ -25,10 +26,10 @@ def changed(pixels: RGBPixels, condition: str, rng: np.random.Generator) -> RGBP
 
     Args:
         pixels: (height, width, 3) the photograph.
-        condition: a name of `CONDITIONS`.
+        condition: a name of `CONDITIONS` or `WATERS`.
         rng: generator of the parameters.
     """
-    seen = CONDITIONS[condition](np.asarray(pixels / 255, np.float32), rng)
+    seen = (CONDITIONS | WATERS)[condition](np.asarray(pixels / 255, np.float32), rng)
     noisy = seen + rng.normal(0, 0.01, seen.shape)
     return np.rint(255 * np.clip(noisy, 0, 1)).astype(np.uint8)
 
@@ -62,7 +63,12 @@ def haze(values: Values, rng: np.random.Generator) -> Values:
 
 def underwater(values: Values, rng: np.random.Generator) -> Values:
     """Water: colours lost with the distance, red first, a veil of scattered light, particles."""
-    distance = rng.uniform(1.5, 5) * (1 + 0.3 * _smooth(values.shape[:2], rng))[..., np.newaxis]
+    return _through_water(values, rng, rng.uniform(1.5, 5))
+
+
+def _through_water(values: Values, rng: np.random.Generator, metres: float) -> Values:
+    """Return a photograph through so many metres of water, more or less by place."""
+    distance = metres * (1 + 0.3 * _smooth(values.shape[:2], rng))[..., np.newaxis]
     passed = np.exp(-_WATER * np.maximum(distance, 0.1))
     veil = np.array([0.05, 0.35, 0.42]) * rng.uniform(0.6, 1.2)
     scattered = 1 - np.exp(-rng.uniform(0.08, 0.3) * np.maximum(distance, 0.1))
@@ -94,3 +100,9 @@ CONDITIONS: dict[str, Condition] = {
     "haze": haze,
     "underwater": underwater,
 }
+
+WATERS: dict[str, Condition] = {
+    f"{metres} m of water": functools.partial(_through_water, metres=metres)
+    for metres in (1, 2, 4, 8)
+}
+"""Conditions of mode benthic: the sea bed through some metres of water."""

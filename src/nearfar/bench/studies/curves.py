@@ -238,7 +238,7 @@ def difference_table(strict: Outcomes, seed: int) -> str:
 
 
 def condition_table(results: Sequence[Result]) -> str:
-    """Return, in Markdown, the strict successes of each method by the condition of mode light."""
+    """Return, in Markdown, the strict successes of each method by condition of the far image."""
     methods, names = by_method(results), sorted({str(each.tags["condition"]) for each in results})
     lines = []
     for name in names:
@@ -248,6 +248,18 @@ def condition_table(results: Sequence[Result]) -> str:
         }
         lines.append([name, *(f"{sum(each)} of {len(each)}" for each in own.values())])
     return markdown(["condition", *methods], lines)
+
+
+def condition_bin_table(results: Sequence[Result]) -> str:
+    """Return, in Markdown, the strict successes of each method by condition and scale change."""
+    bins = [name for name in bin_names() if any(each.group == name for each in results)]
+    lines = []
+    for method, own in by_method(results).items():
+        for name in sorted({str(each.tags["condition"]) for each in own}):
+            there = [each for each in own if each.tags["condition"] == name]
+            cells = ([each.strict for each in there if each.group == bin_] for bin_ in bins)
+            lines.append([method, name, *(f"{sum(each)} of {len(each)}" for each in cells)])
+    return markdown(["method", "condition", *bins], lines)
 
 
 def half_table(strict: Outcomes, loose: Outcomes, seed: int) -> str:

@@ -2,7 +2,8 @@
 
 Mode *pairs* uses the pairs as they are. Mode *scale* reduces the far image and sets it into a scene
 of other photographs. Mode *tilt* tilts the far image before that. Mode *light* is mode scale with a
-far image that was taken under another condition. Each case keeps the real change of viewpoint,
+far image that was taken under another condition, and mode *benthic* one that was taken through 1 to
+8 metres of water. Each case keeps the real change of viewpoint,
 light and blur of its base pair, and the exactly mapped true points.
 """
 
@@ -23,15 +24,17 @@ from nearfar.bench.datasets.composites import (
     random_generator,
     random_view,
 )
-from nearfar.bench.datasets.conditions import CONDITIONS, changed
+from nearfar.bench.datasets.conditions import CONDITIONS, WATERS, changed
 from nearfar.bench.studies.curves import bin_name
 from nearfar.errors import BenchmarkError
 from nearfar.geometry.homography import scale_change, transform
 from nearfar.imaging.image import read_image
 from nearfar.storage.locations import replaced
 
-Mode = Literal["pairs", "scale", "tilt", "light"]
-MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt", "light")
+Mode = Literal["pairs", "scale", "tilt", "light", "benthic"]
+MODES: tuple[Mode, ...] = ("pairs", "scale", "tilt", "light", "benthic")
+CHANGED: dict[Mode, tuple[str, ...]] = {"light": tuple(CONDITIONS), "benthic": tuple(WATERS)}
+"""Conditions of the far images by mode; a case has one of them."""
 FACTORS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)
 
 _VERSION = "1"
@@ -115,7 +118,7 @@ def plan_cases(
                     tilted=mode == "tilt",
                     rng=random_generator(seed, name, "view"),
                 )
-                condition = _condition(seed, name) if mode == "light" else ""
+                condition = _condition(seed, name, CHANGED.get(mode, ()))
                 file = folder / f"{name}.png"
                 planned.append(_made(base, mode, factor, name, view, file, condition))
     return [plan for plan in planned if plan.case.group]
@@ -161,9 +164,11 @@ def _as_it_is(base: Case) -> PlannedCase:
     return PlannedCase(_tagged(base, "pairs", base.name, 1.0, 0.0, name=name), base, None)
 
 
-def _condition(seed: int, name: str) -> str:
-    """Draw the condition of a case."""
-    return str(random_generator(seed, name, "condition").choice(list(CONDITIONS)))
+def _condition(seed: int, name: str, conditions: Sequence[str]) -> str:
+    """Draw the condition of a case; empty where there are none."""
+    if not conditions:
+        return ""
+    return str(random_generator(seed, name, "condition").choice(list(conditions)))
 
 
 def _made(

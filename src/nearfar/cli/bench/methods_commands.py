@@ -13,6 +13,7 @@ from nearfar.bench.figures import plot_curve
 from nearfar.bench.published import PAPER_PAIRS
 from nearfar.bench.results import Result
 from nearfar.bench.studies.curves import (
+    condition_bin_table,
     condition_table,
     difference_table,
     half_table,
@@ -22,6 +23,7 @@ from nearfar.bench.studies.curves import (
 from nearfar.bench.studies.kitti import PairCounts, count_pairs
 from nearfar.bench.studies.pairs import resized_to_paper
 from nearfar.bench.studies.scale_curve import (
+    CHANGED,
     FACTORS,
     MODES,
     Mode,
@@ -161,10 +163,11 @@ CURVE_TITLES = {
     "scale": "Real pairs, far image reduced and set into a scene",
     "tilt": "Real pairs, far image tilted, reduced and set into a scene",
     "light": "Real pairs, far image reduced, set into a scene and seen in other light",
+    "benthic": "Real pairs, far image reduced, set into a scene and seen through water",
 }
 
 Modes = Annotated[
-    tuple[Literal["pairs", "scale", "tilt", "light", "all"], ...],
+    tuple[Literal["pairs", "scale", "tilt", "light", "benthic", "all"], ...],
     Parameter(name="--mode", negative="", show_default=False),
 ]
 Factors = Annotated[tuple[float, ...], Parameter(negative="", consume_multiple=True)]
@@ -187,14 +190,15 @@ def scale_curve_command(
     Base pairs are the pairs of PAIRS that are related by a homography. Mode pairs uses them as they
     are. Mode scale reduces the far image and sets it into a scene of photographs of BACKGROUNDS.
     Mode tilt tilts the far image by 45 to 70 degrees before that. Mode light is mode scale in other
-    light, in another band, in haze or under water. Made far images go to OUT/cases, results to
-    OUT/scale_curve.jsonl, and plots to OUT. A run that was stopped is resumed. S50 is
-    the scale change at which strict success falls to one half.
+    light, in another band, in haze or under water. Mode benthic is mode scale through 1 to 8 metres
+    of water. Made far images go to OUT/cases, results to OUT/scale_curve.jsonl, and plots to OUT. A
+    run that was stopped is resumed. S50 is the scale change at which strict success falls to one
+    half.
 
     Args:
         pairs: Folder of image pairs, each with a pair.json.
         backgrounds: Folder of photographs for the scenes.
-        mode: pairs, scale, tilt, light or all; may be repeated. Default: all.
+        mode: pairs, scale, tilt, light, benthic or all; may be repeated. Default: all.
         factors: Reductions of the far images.
         sets: Use only the pairs of this set, e.g. homogr; may be repeated.
         case_seed: Seed of tilts, places and scenes.
@@ -231,7 +235,7 @@ def _make_images(
     if not plans:
         return
     if folder is None:
-        raise BenchmarkError("the modes scale, tilt and light need --backgrounds")
+        raise BenchmarkError("all modes but pairs need --backgrounds")
     backgrounds = Backgrounds(folder, pair_images=_images(found), base_images=_images(bases))
     with shown_progress("far images") as show:
         for done, plan in enumerate(plans):
@@ -253,8 +257,8 @@ def _report_mode(mode: Mode, rows: Sequence[Result], out: Path, seed: int) -> No
     ]
     if len(strict.methods) > 1:
         tables += ["Difference in strict success, in points:", difference_table(strict, seed)]
-    if mode == "light":
-        tables.append(condition_table(rows))
+    if mode in CHANGED:
+        tables += [condition_table(rows), condition_bin_table(rows)]
     plots = plot_curve(strict, CURVE_TITLES[mode], out / f"scale_curve_{mode}", seed)
     print_text("\n" + "\n\n".join(tables))
     print_text("\nPlot: " + ", ".join(map(str, plots)))
