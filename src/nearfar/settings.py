@@ -16,6 +16,8 @@ NETWORKS = ("nearfar", "resnet50", "squeezenet")
 LEARNED_NETWORKS = (
     "aliked",
     "aliked-lightglue",
+    "aliked-lightglue-onnx",
+    "aliked-onnx",
     "disk",
     "disk-lightglue",
     "xfeat",
@@ -119,7 +121,8 @@ class Settings:
             slide that is turned over. Poses are never mirrored.
         seed: Seed of all random choices.
         weights: Files with the weights of networks (.safetensors, .pth or .onnx), by the name of
-            the network. Networks of learned matchers take files that torch has saved.
+            the network. Networks of learned matchers take files that torch has saved, or those that
+            COLMAP reads where their name ends with onnx.
         descriptor: Network or function that describes landmarks.
         batch_size: Number of landmarks that pass through a network together.
         detector: Method points: what finds and describes the keypoints of an image. Matchers of

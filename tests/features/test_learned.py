@@ -11,6 +11,7 @@ from nearfar import Localizer
 from nearfar.errors import MissingExtraError, SettingsError, WeightsError
 from nearfar.features.learned import weights
 from nearfar.features.learned.weights import PUBLISHED, Published
+from nearfar.networks.weights import NEEDED
 from nearfar.settings import LEARNED_NETWORKS
 from tests.conftest import KnownPair
 
@@ -52,7 +53,8 @@ def test_changed_weights_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_the_networks_are_those_that_settings_know() -> None:
-    assert set(PUBLISHED) == set(LEARNED_NETWORKS)
+    of_onnx_files = set(NEEDED["aliked-lightglue-onnx"])
+    assert set(PUBLISHED) | of_onnx_files == set(LEARNED_NETWORKS)
 
 
 def test_weights_of_the_users_files_need_no_package(

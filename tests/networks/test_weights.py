@@ -192,6 +192,18 @@ class TestFetching:
         assert set(read_weights(path)) == set(TENSORS)
         assert bar.count == bar.total == path.stat().st_size
 
+    def test_the_hash_may_be_at_the_end_of_the_url(
+        self, server: str, cache: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "served" / "net.onnx").write_bytes(b"network")
+        digest = hashlib.sha256(b"network").hexdigest()
+        path = fetch("aliked-onnx", url=f"{server}/net.onnx#sha256={digest}")
+        assert path == cache / f"net-{digest}.onnx"
+        other = digest[::-1]
+        with pytest.raises(WeightsError, match="another SHA-256"):
+            fetch("aliked-onnx", url=f"{server}/net.onnx#sha256={other}")
+        assert list(cache.iterdir()) == [path]
+
     def test_what_is_there_is_not_fetched_again(
         self, served: str, cache: Path, tmp_path: Path
     ) -> None:
@@ -261,6 +273,7 @@ class TestCommand:
         shown = capsys.readouterr().out.splitlines()
         assert shown[0] == "nearfar: comes with the package"
         assert shown[1] == f"resnet50: {path}"
+        assert shown[-1].endswith("or run `nearfar weights fetch aliked-lightglue-onnx`")
         assert "--weights squeezenet=FILE" in shown[2]
 
     def test_a_failure_is_one_line(self, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from nearfar.errors import WeightsError
-from nearfar.networks.weights import fetch, weights_file
+from nearfar.networks.weights import NEEDED, fetch, weights_file
 from nearfar.settings import NETWORKS, Settings
 
 weights_app = App(name="weights", help="Fetch the weights of networks, or show where they are.")
@@ -13,26 +13,28 @@ weights_app = App(name="weights", help="Fetch the weights of networks, or show w
 
 @weights_app.command(name="fetch")
 def fetch_command(network: str, /) -> None:
-    """Download the weights of NETWORK into the cache folder, and print the name of the file.
+    """Download the weights of NETWORK into the cache folder, and print the names of the files.
 
-    The cache folder is $NEARFAR_CACHE, or the system's folder for caches.
+    The cache folder is $NEARFAR_CACHE, or the system's folder for caches. The files must have the
+    published SHA-256.
 
     Args:
-        network: Name of the network. Only resnet50 can be fetched.
+        network: resnet50, or aliked-lightglue-onnx: a matcher with two files.
     """
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
     terminal = Console(stderr=True)
-    with Progress(
-        *columns, console=terminal, transient=True, disable=not terminal.is_terminal
-    ) as progress:
-        file = fetch(network, _Bar(progress))
-    _console().print(str(file), markup=False)
+    for each in NEEDED.get(network, (network,)):
+        with Progress(
+            *columns, console=terminal, transient=True, disable=not terminal.is_terminal
+        ) as progress:
+            file = fetch(each, _Bar(progress))
+        _console().print(str(file), markup=False)
 
 
 @weights_app.command(name="show")
 def show_command() -> None:
     """Name the networks. For each, name its weights file, or say how to get one."""
-    for network in NETWORKS:
+    for network in (*NETWORKS, *NEEDED["aliked-lightglue-onnx"]):
         if network == "nearfar":
             _console().print("nearfar: comes with the package", markup=False)
             continue

@@ -21,7 +21,13 @@ TUNED = {
     "asift": ("asift", "fginn"),
 }
 """Detector and matcher of the methods that take MAGSAC++, or PoseLib for poses."""
-LEARNED = ("aliked-lightglue", "disk-lightglue", "xfeat-lighterglue", "xfeat")
+LEARNED = (
+    "aliked-lightglue",
+    "aliked-lightglue-onnx",
+    "disk-lightglue",
+    "xfeat-lighterglue",
+    "xfeat",
+)
 """Matchers of images that are methods of the same name, with the estimator of the tuned ones."""
 
 

@@ -19,8 +19,19 @@ from nearfar.networks.torch_file import (
 )
 from nearfar.settings import Settings
 
-DOWNLOADS = {"resnet50": "https://download.pytorch.org/models/resnet50-0676ba61.pth"}
-"""URLs for `fetch` by network; the name of a file ends with the first digits of its SHA-256."""
+_COLMAP = "https://github.com/colmap/colmap/releases/download/3.13.0"
+DOWNLOADS = {
+    "resnet50": "https://download.pytorch.org/models/resnet50-0676ba61.pth",
+    "aliked-onnx": f"{_COLMAP}/aliked-n16rot.onnx"
+    "#sha256=39c423d0a6f03d39ec89d3d1d61853765c2fb6a8b8381376c703e5758778a547",
+    "aliked-lightglue-onnx": f"{_COLMAP}/aliked-lightglue.onnx"
+    "#sha256=b9a5de7204648b18a8cf5dcac819f9d30de1a5961ef03756803c8b86c2dceb8d",
+}
+"""URLs for `fetch` by network. The name of a file ends with the first digits of its SHA-256, or the
+URL with all of them."""
+_DIGEST = "#sha256="
+NEEDED = {"aliked-lightglue-onnx": ("aliked-onnx", "aliked-lightglue-onnx")}
+"""Networks of a matcher that needs several, by its name."""
 
 
 class ProgressBar(Protocol):
@@ -101,10 +112,11 @@ def weights_file(network: str, settings: Settings) -> Path:
         return path
     fetching = ""
     if network in DOWNLOADS:
-        path = cache_folder() / _file_name(DOWNLOADS[network])
-        if path.is_file():
-            return path
-        fetching = f" or run `nearfar weights fetch {network}`"
+        here = next((each for each in _places(DOWNLOADS[network]) if each.is_file()), None)
+        if here is not None:
+            return here
+        matcher = next((each for each, own in NEEDED.items() if network in own), network)
+        fetching = f" or run `nearfar weights fetch {matcher}`"
     raise WeightsError(
         f"{network} needs a file with its weights: give one with --weights {network}=FILE{fetching}"
     )
@@ -117,7 +129,8 @@ def fetch(network: str, progress: ProgressBar | None = None, url: str | None = N
         network: a key of `DOWNLOADS`.
         progress: shows the progress of the download.
         url: another URL of the file. The name of the file must end with "-" and the first 8 or
-            more digits of its SHA-256, which are checked.
+            more digits of its SHA-256, or the URL with "#sha256=" and all of them. They are
+            checked.
 
     Returns:
         The file.
@@ -157,13 +170,26 @@ def cache_folder() -> Path:
 
 
 def _file_name(url: str) -> str:
-    return PurePosixPath(url).name
+    """Return the name of a file in the cache folder: it ends with digits of its SHA-256."""
+    address, _, digest = url.partition(_DIGEST)
+    name = PurePosixPath(address)
+    return f"{name.stem}-{digest}{name.suffix}" if digest else name.name
+
+
+def _places(url: str) -> list[Path]:
+    """Return where the file of a URL may be: in the cache folder, or in that of COLMAP."""
+    address, _, digest = url.partition(_DIGEST)
+    own = cache_folder() / _file_name(url)
+    if not address.startswith(_COLMAP):
+        return [own]
+    return [own, Path.home() / ".cache" / "colmap" / f"{digest}-{PurePosixPath(address).name}"]
 
 
 def _download(url: str, path: Path, progress: ProgressBar | None) -> None:
     import pooch
 
-    pooch.HTTPDownloader(progressbar=progress or False)(url, str(path), None)
+    address = url.partition(_DIGEST)[0]
+    pooch.HTTPDownloader(progressbar=progress or False)(address, str(path), None)
 
 
 def _has_hash_of_name(path: Path) -> bool:

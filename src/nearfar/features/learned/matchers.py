@@ -1,86 +1,33 @@
 """Matchers of images with learned features; `nearfar.features.learned.networks` loads them."""
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
-from nearfar.constants import LearnedConstants
 from nearfar.features import MATCHERS
-from nearfar.features.keypoints import ImageMatches, Keypoints
+from nearfar.features.keypoints import ImageMatches
+from nearfar.features.learned.detector import Detected, LearnedDetector, LearnedFeatures
 from nearfar.features.learned.networks import detector, device_of, lightglue
 from nearfar.features.learned.weights import check_installed
-from nearfar.geometry.homography import scaling, transform
-from nearfar.imaging.mask import PixelMask, usable
 from nearfar.settings import Settings
 
-MULTIPLE = 32
-"""Sides of the resized image are multiples of this, so that no network pads or resizes it again."""
 DIMENSIONS = {"aliked": 128, "disk": 128, "xfeat": 64}
 """Numbers of a descriptor, by the network."""
 
 
-@dataclass(frozen=True, eq=False)
-class LearnedFeatures:
-    """The learned keypoints of an image.
-
-    Attributes:
-        keypoints: positions in pixels of the image, descriptors and scores; they have neither
-            scale nor angle.
-        size: (2,) width and height of the image in pixels.
-    """
-
-    keypoints: Keypoints
-    size: NDArray[np.int64]
-
-    @property
-    def nbytes(self) -> int:
-        """Return the memory that the arrays take, in bytes."""
-        return self.keypoints.nbytes + self.size.nbytes
-
-
-class _Learned:
-    """Finds points with a network; the classes below match them."""
+class _Learned(LearnedDetector):
+    """Finds points with a network of kornia; the classes below match them."""
 
     def __init__(self, name: str, networks: list[str], settings: Settings) -> None:
         self._own = {each: Path(file) for each, file in settings.weights.items()}
         check_installed(name, networks, self._own)
+        super().__init__(DIMENSIONS[networks[0]], settings.constants.learned)
         self._name, self._network = name, networks[0]
         self._device = settings.device
-        self._constants: LearnedConstants = settings.constants.learned
 
-    def extract(self, pixels: RGBPixels) -> LearnedFeatures:
-        """See `ImageMatcher.extract`.
-
-        Raises:
-            SettingsError: the device is not available here.
-            WeightsError: the weights are missing or not the published ones.
-        """
-        height, width = pixels.shape[:2]
-        size = np.array([width, height])
-        if min(width, height) < self._constants.least_side or pixels.min() == pixels.max():
-            empty = Keypoints.of(np.empty((0, 2)), np.empty((0, DIMENSIONS[self._network])))
-            return LearnedFeatures(empty, size)
-        seen = _fitted(pixels, self._constants.longest_side)
-        xy, descriptors, score = self._detected(seen)
-        to_seen = scaling(seen.shape[1] / width, seen.shape[0] / height)
-        own = transform(np.linalg.inv(to_seen), xy.astype(np.float64))
-        found = Keypoints.of(own, descriptors, score=score)
-        return LearnedFeatures(found[usable(None, (width, height), own)], size)
-
-    def masked(self, features: LearnedFeatures, mask: PixelMask) -> LearnedFeatures:
-        """Return the features that a mask leaves."""
-        kept = usable(mask, mask.shape[::-1], features.keypoints.xy)
-        return replace(features, keypoints=features.keypoints[kept])
-
-    def _detected(
-        self, pixels: RGBPixels
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Return (N, 2) positions, (N, D) descriptors and (N,) scores."""
+    def _detected(self, pixels: RGBPixels) -> Detected:
         import torch
 
         most = self._constants.most_points
@@ -167,12 +114,3 @@ class XFeatMatcher(_Learned):
         kept = (cosine.argmax(axis=0)[best] == each) & (score > self._constants.least_cosine)
         xy = one.xy[kept], other.xy[best[kept]]
         return ImageMatches(*xy, np.clip(score[kept].astype(np.float64), 0, 1))
-
-
-def _fitted(pixels: RGBPixels, longest_side: int) -> RGBPixels:
-    """Return the image resized so that its sides are multiples, and at most of this length."""
-    height, width = pixels.shape[:2]
-    factor = min(1.0, longest_side / max(width, height))
-    size = [max(MULTIPLE, round(each * factor / MULTIPLE) * MULTIPLE) for each in (width, height)]
-    mode = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(pixels, size, interpolation=mode))
