@@ -11,7 +11,7 @@ from nearfar import Localizer
 from nearfar.errors import MissingExtraError, SettingsError, WeightsError
 from nearfar.features.learned import weights
 from nearfar.features.learned.weights import PUBLISHED, Published
-from nearfar.networks.weights import NEEDED
+from nearfar.runtime.weight_files import NEEDED
 from nearfar.settings import LEARNED_NETWORKS
 from tests.conftest import KnownPair
 

@@ -5,7 +5,7 @@ torch = pytest.importorskip("torch")
 
 from nearfar.networks.graph import INPUT  # noqa: E402
 from nearfar.networks.landmark_network import CELLS, LANDMARKS, part  # noqa: E402
-from nearfar.networks.runner import session  # noqa: E402
+from nearfar.runtime.onnx import session  # noqa: E402
 from nearfar.train.export import onnx_model  # noqa: E402
 from nearfar.train.network import LandmarkNetwork  # noqa: E402
 

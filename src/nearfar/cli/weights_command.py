@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from nearfar.errors import WeightsError
-from nearfar.networks.weights import NEEDED, fetch, weights_file
+from nearfar.runtime.weight_files import NEEDED, fetch, weights_file
 from nearfar.settings import NETWORKS, Settings
 
 weights_app = App(name="weights", help="Fetch the weights of networks, or show where they are.")

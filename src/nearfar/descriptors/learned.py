@@ -10,7 +10,8 @@ from nearfar.descriptors import DESCRIPTORS
 from nearfar.features.feature_map import FeatureMap
 from nearfar.networks import landmark_network, resnet50, squeezenet
 from nearfar.networks.runner import CropNetwork, MapNetwork
-from nearfar.networks.weights import read_weights, weights_file
+from nearfar.networks.weights import read_weights
+from nearfar.runtime.weight_files import weights_file
 from nearfar.settings import Settings
 
 SMALLEST_SIDE = 32

@@ -4,7 +4,7 @@ from importlib import resources
 
 from nearfar.errors import WeightsError
 from nearfar.networks.graph import INPUT
-from nearfar.networks.weights import weights_file
+from nearfar.runtime.weight_files import weights_file
 from nearfar.settings import Settings
 
 FILE = "landmark_network.onnx"

@@ -13,7 +13,7 @@ from nearfar.bench.studies.tap_features import NETWORKS, Tap, TapFeatures, TapMe
 from nearfar.bench.tables import distinct
 from nearfar.errors import BenchmarkError, SettingsError, WeightsError
 from nearfar.localizer import Localizer
-from nearfar.networks.weights import weights_file
+from nearfar.runtime.weight_files import weights_file
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.rows import Row, settings_key

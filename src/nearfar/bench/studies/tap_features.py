@@ -22,9 +22,10 @@ from nearfar.methods.paper import PaperFeatures, PaperSteps
 from nearfar.models import Answer, Task
 from nearfar.networks import resnet50, squeezenet
 from nearfar.networks.runner import CropNetwork
-from nearfar.networks.weights import read_weights, weights_file
+from nearfar.networks.weights import read_weights
 from nearfar.proposals import PROPOSERS
 from nearfar.runtime.timing import StageTimer
+from nearfar.runtime.weight_files import weights_file
 from nearfar.settings import Settings
 
 _VALUE_BYTES = np.dtype(np.float16).itemsize

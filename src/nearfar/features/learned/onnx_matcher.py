@@ -17,8 +17,8 @@ from nearfar.errors import WeightsError
 from nearfar.features import MATCHERS
 from nearfar.features.keypoints import ImageMatches
 from nearfar.features.learned.detector import Detected, LearnedDetector, LearnedFeatures
-from nearfar.networks.runner import session
-from nearfar.networks.weights import weights_file
+from nearfar.runtime.onnx import session
+from nearfar.runtime.weight_files import weights_file
 from nearfar.settings import Settings
 
 if TYPE_CHECKING:
