@@ -86,6 +86,17 @@ def test_it_is_not_called_where_sift_is_enough(users: Users, known_pair: KnownPa
     assert users.calls == 0
 
 
+@pytest.mark.parametrize(("sure", "asked"), [(0.0, False), (-1e9, True)])
+def test_it_adds_to_an_epipolar_geometry_by_few_matches(
+    users: Users, known_pair: KnownPair, sure: float, asked: bool
+) -> None:
+    users.far_from_near, users.near = known_pair.far_from_near, known_pair.near
+    constants = replace(DEFAULT, learned=replace(DEFAULT.learned, sure_in_depth=sure))
+    localizer = Localizer(matcher="python:users_second.match", constants=constants)
+    localizer.localize(known_pair.far, known_pair.near, model="fundamental")
+    assert (users.calls > 0) == asked
+
+
 def test_unrelated_photographs_have_no_confidence(
     photograph: Callable[[str], RGBPixels],
 ) -> None:

@@ -114,7 +114,7 @@ class Adaptive:
         best = self._attempt(pair, [points], "points")
         if task.model == "homography":
             return pair, self._refined(pair, self._by_homography(pair, best))
-        return pair, self._by_neighbours(pair, best)
+        return pair, self._more_exact(pair, self._by_neighbours(pair, best))
 
     def _answer(self, pair: Pair, best: Attempt, excluded: Excluded | None) -> Answer:
         agrees = self._checks.agreement(pair, best)
@@ -217,6 +217,17 @@ class Adaptive:
                     break
         return best
 
+    def _more_exact(self, pair: Pair, best: Attempt) -> Attempt:
+        """Let the second matcher add to an epipolar geometry by few of SIFT's matches."""
+        if self._second is None or best.step == BY_MATCHER or pair.late:
+            return best
+        few = best.log10_nfa > self._constants.learned.sure_in_depth
+        if not (few and pair.enough(best) and self._may("landmarks")):
+            return best
+        with pair.timer.bounded():
+            return self._second.more_exact(pair, best)
+        return best
+
     def _pool(
         self,
         pair: Pair,
@@ -261,7 +272,7 @@ class Adaptive:
         notify(pair.timer, found)
         return found
 
-    def _hypotheses(self, pair: Pair, best: Attempt) -> Iterator[list[Hypothesis]]:
+    def _hypotheses(self, pair: Pair, best: Attempt) -> Iterator[Sequence[Hypothesis]]:
         """Yield hypotheses in batches, the cheapest first; each is computed when asked for."""
         far, near, timer = pair.far, pair.near, pair.timer
         constants, ladder = self._constants, self._constants.ladder

@@ -74,7 +74,7 @@ class SecondMatcher:
 
     def hypotheses(
         self, pair: Pair, voted: Sequence[Hypothesis], sought: Sequence[Hypothesis]
-    ) -> Iterator[list[Hypothesis]]:
+    ) -> Iterator[Sequence[Hypothesis]]:
         """Yield hypotheses of matches of whole images, then the best ones of votes and search.
 
         Args:
@@ -86,14 +86,36 @@ class SecondMatcher:
         for quarter in rotations(best):
             if pair.late:
                 return
-            with pair.timer.stage("second matcher"):
-                whole = self._whole(pair, quarter)
-            found = self._fitted(pair, [whole], Task("homography"), self._local)
-            if found.log10_nfa < self._learned.promising:
-                seen = np.asarray(found.estimate.far_from_near)
-                yield [SecondHypothesis(seen, 0, BY_MATCHER, whole)]
+            yield self._of_whole(pair, quarter)
         for each in best:
             yield [SecondHypothesis(each.far_from_near, each.support, BY_MATCHER)]
+
+    def more_exact(self, pair: Pair, best: Attempt) -> Attempt:
+        """Return a more significant model than one by SIFT's matches, if the matcher finds one.
+
+        An epipolar geometry by few matches is at the right place, but not exact. Only the rotation
+        that its inliers tell is tried.
+
+        Args:
+            pair: the images.
+            best: the model by SIFT's matches.
+        """
+        inliers = best.estimate.inliers
+        _, angle = _similarity(best.far[inliers], best.near[inliers])
+        for hypothesis in self._of_whole(pair, quarter_turns(angle)):
+            found = self.attempt(pair, hypothesis, Matched.none())
+            best = min(best, found, key=lambda each: each.log10_nfa)
+        return best
+
+    def _of_whole(self, pair: Pair, quarter: int) -> list[SecondHypothesis]:
+        """Return the homography of matches of the whole images, if it is promising."""
+        with pair.timer.stage("second matcher"):
+            whole = self._whole(pair, quarter)
+        found = self._fitted(pair, [whole], Task("homography"), self._local)
+        if found.log10_nfa >= self._learned.promising:
+            return []
+        seen = np.asarray(found.estimate.far_from_near)
+        return [SecondHypothesis(seen, 0, BY_MATCHER, whole)]
 
     def attempt(self, pair: Pair, hypothesis: SecondHypothesis, guided: Matched) -> Attempt:
         """Match the region of a hypothesis, and fit the model to these and to SIFT's matches.
@@ -166,12 +188,14 @@ def rotations(so_far: Sequence[Hypothesis]) -> list[int]:
     Args:
         so_far: hypotheses, best first.
     """
-    told = []
-    for each in so_far:
-        matrix = each.far_from_near
-        angle = np.arctan2(matrix[1, 0], matrix[0, 0])
-        told.append(int(np.rint(-angle / (np.pi / 2))) % len(QUARTERS))
+    models = [each.far_from_near for each in so_far]
+    told = [quarter_turns(float(np.arctan2(each[1, 0], each[0, 0]))) for each in models]
     return list(dict.fromkeys([0, *told, *QUARTERS]))
+
+
+def quarter_turns(angle: float) -> int:
+    """Return the quarter turns of the near image that undo its rotation, in radians, best."""
+    return int(np.rint(-angle / (np.pi / 2))) % len(QUARTERS)
 
 
 def matched(
