@@ -421,7 +421,7 @@ class LearnedConstants:
     depth it holds for one surface alone..."""
     significance_in_depth: float = -60.0
     """...and the significance that such a model needs; the strongest of those 64 fits has -21."""
-    sure_in_depth: float = -100.0
+    sure_in_depth: float = -250.0
     """Significance of such a model by SIFT's matches above which the matcher adds its own: few
     matches are at the right place, but determine an epipolar geometry badly."""
 
