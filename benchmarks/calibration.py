@@ -71,7 +71,7 @@ def scene(row: Row) -> str:
     return re.sub(r"(_\d)+$", "", name)
 
 
-def by_matcher(row: Row) -> bool:
+def is_by_matcher(row: Row) -> bool:
     """Whether a row is an epipolar geometry by a learned matcher."""
     learned = row["method"] in LEARNED or row.get("step") == BY_MATCHER
     return learned and row["model"] == "fundamental"
@@ -231,6 +231,20 @@ def draw(results: dict[str, tuple[Numbers, NDArray[np.bool_]]], file: Path) -> N
     figure.savefig(file, dpi=120)
 
 
+def show(rows: list[Row], *, by_matcher: bool) -> dict[str, tuple[Numbers, NDArray[np.bool_]]]:
+    """Fit and report each kind of model, or the epipolar geometries of learned matchers."""
+    if by_matcher:
+        report("fundamental", [row for row in rows if is_by_matcher(row)], by_matcher=True)
+        return {}
+    latest = {(row["case"], row["model"]): row for row in rows if row["method"] == "adaptive"}
+    results = {}
+    for kind in KINDS:
+        own = [row for row in latest.values() if row["model"] == kind]
+        if own and (found := report(kind, own)) is not None:
+            results[kind] = found
+    return results
+
+
 def main() -> None:
     """Read the rows, fit and report."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -239,15 +253,7 @@ def main() -> None:
     parser.add_argument("--by-matcher", action="store_true")
     arguments = parser.parse_args()
     rows = [json.loads(line) for file in arguments.rows for line in file.read_text().splitlines()]
-    if arguments.by_matcher:
-        report("fundamental", [row for row in rows if by_matcher(row)], by_matcher=True)
-        return
-    latest = {(row["case"], row["model"]): row for row in rows if row["method"] == "adaptive"}
-    results = {}
-    for kind in KINDS:
-        own = [row for row in latest.values() if row["model"] == kind]
-        if own and (found := report(kind, own)) is not None:
-            results[kind] = found
+    results = show(rows, by_matcher=arguments.by_matcher)
     if arguments.figure:
         draw(results, arguments.figure)
 

@@ -11,7 +11,7 @@ pixels with it. Rows are appended; pairs that are there are skipped.
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +191,17 @@ def measured(photos: list[Path], index: int, localizer: Localizer) -> dict[str, 
     }
 
 
+def show(rows: Sequence[dict[str, Any]]) -> None:
+    """Print the table of rows."""
+    print("| overlay | unrelated | of | true, without | true, with |\n|---|---|---|---|---|")
+    for name in [*(kind.__name__ for kind in KINDS), "all"]:
+        own = [row for row in rows if name in (row["kind"], "all")]
+        wrong = sum(row["unrelated"] >= 0.5 for row in own)
+        found = [row for row in own if row["without"] is not None and row["without"] < 3]
+        kept = sum(row["with"] is not None and row["with"] < 3 for row in found)
+        print(f"| {name.replace('_', ' ')} | {wrong} | {len(own)} | {len(found)} | {kept} |")
+
+
 def main() -> None:
     """Localize all pairs and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -207,13 +218,7 @@ def main() -> None:
         rows.append(measured(photos, index, localizer))
         with options.out.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
-    print("| overlay | unrelated | of | true, without | true, with |\n|---|---|---|---|---|")
-    for name in [*(kind.__name__ for kind in KINDS), "all"]:
-        own = [row for row in rows if name in (row["kind"], "all")]
-        wrong = sum(row["unrelated"] >= 0.5 for row in own)
-        found = [row for row in own if row["without"] is not None and row["without"] < 3]
-        kept = sum(row["with"] is not None and row["with"] < 3 for row in found)
-        print(f"| {name.replace('_', ' ')} | {wrong} | {len(own)} | {len(found)} | {kept} |")
+    show(rows)
 
 
 if __name__ == "__main__":

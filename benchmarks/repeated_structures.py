@@ -12,6 +12,7 @@ structures that are there are skipped.
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,23 @@ def measured(photos: list[Path], index: int, localizer: Localizer) -> dict[str, 
     }
 
 
+def show(rows: Sequence[dict[str, Any]]) -> None:
+    """Print the table of rows."""
+    print("| structure | structures | wrong and sure | with context, found |\n|---|---|---|---|")
+    for name in (*KINDS, "all"):
+        own = [row for row in rows if name in (row["kind"], "all")]
+        wrong = sum(
+            row["alone"]["error"] is not None
+            and row["alone"]["error"] >= 3
+            and row["alone"]["confidence"] >= 0.5
+            for row in own
+        )
+        kept = sum(
+            row["context"]["error"] is not None and row["context"]["error"] < 3 for row in own
+        )
+        print(f"| {name} | {len(own)} | {wrong} | {kept} |")
+
+
 def main() -> None:
     """Localize all close-ups and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -133,19 +151,7 @@ def main() -> None:
         rows.append(measured(photos, index, localizer))
         with options.out.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
-    print("| structure | structures | wrong and sure | with context, found |\n|---|---|---|---|")
-    for name in (*KINDS, "all"):
-        own = [row for row in rows if name in (row["kind"], "all")]
-        wrong = sum(
-            row["alone"]["error"] is not None
-            and row["alone"]["error"] >= 3
-            and row["alone"]["confidence"] >= 0.5
-            for row in own
-        )
-        kept = sum(
-            row["context"]["error"] is not None and row["context"]["error"] < 3 for row in own
-        )
-        print(f"| {name} | {len(own)} | {wrong} | {kept} |")
+    show(rows)
 
 
 if __name__ == "__main__":
