@@ -1,6 +1,8 @@
 """How often unrelated photographs are answered: pairs of photographs of different scenes.
 
     python benchmarks/unrelated.py PHOTOS OUT.jsonl [--pairs 500] [--jobs 2] [--descriptor hog]
+        [--matcher xfeat-lighterglue] [--max-effort landmarks] [--max-size 640]
+        [--model fundamental]
 
 PHOTOS is a folder of photographs. Two whose names are the same without the digits and "_" at their
 ends may show the same scene and are not paired. A run that was stopped goes on where it was.
@@ -17,6 +19,7 @@ from joblib import Parallel, delayed
 
 from nearfar import Localizer
 from nearfar.bench.runner import expected_columns
+from nearfar.models import MODEL_KINDS, ModelKind
 from nearfar.settings import Settings
 from nearfar.storage.rows import RowFile, read_rows
 
@@ -38,16 +41,16 @@ def pairs_of(folder: Path, count: int) -> list[tuple[Path, Path]]:
     return [ordered[index] for index in chosen]
 
 
-def localized(far: Path, near: Path, options: dict[str, str]) -> dict[str, Any]:
+def localized(far: Path, near: Path, options: dict[str, Any], model: ModelKind) -> dict[str, Any]:
     """The answer without any threshold."""
     settings = Settings(max_false_alarms=float("inf"), min_confidence=0).replace(**options)
-    found = Localizer(settings).localize(far, near)
+    found = Localizer(settings).localize(far, near, model=model)
     return (
         options
         | expected_columns(found.expected_error)
         | {
             "case": f"{far.name} {near.name}",
-            "model": "homography",
+            "model": model,
             "set": "unrelated",
             "strict": False,
             "far": far.name,
@@ -70,15 +73,21 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--method", default="adaptive")
     parser.add_argument("--descriptor", default="hog")
+    parser.add_argument("--matcher", default="sift")
+    parser.add_argument("--max-effort", default="views")
+    parser.add_argument("--max-size", type=int, default=Settings.max_size)
+    parser.add_argument("--model", default="homography", choices=MODEL_KINDS)
     arguments = parser.parse_args()
-    options = {"method": arguments.method, "descriptor": arguments.descriptor}
-    rows = [row for row in read_rows(arguments.out) if options.items() <= row.items()]
+    names = ("method", "descriptor", "matcher", "max_effort", "max_size")
+    options = {name: getattr(arguments, name) for name in names}
+    same = options | {"model": arguments.model}
+    rows = [row for row in read_rows(arguments.out) if same.items() <= row.items()]
     done = {(row["far"], row["near"]) for row in rows}
     wanted = pairs_of(arguments.photos, arguments.pairs)
     todo = [pair for pair in wanted if (pair[0].name, pair[1].name) not in done]
     run = Parallel(n_jobs=arguments.jobs, return_as="generator")
     with RowFile(arguments.out) as file:
-        for row in run(delayed(localized)(*pair, options) for pair in todo):
+        for row in run(delayed(localized)(*pair, options, arguments.model) for pair in todo):
             file.append(row)
             rows.append(row)
     confident = [row for row in rows if (row["confidence"] or 0) >= CONFIDENT]
