@@ -75,7 +75,7 @@ NOT_RUN = {
 
 NOT_EXECUTED = {
     "from hloc import reconstruction": "hloc is not installed",
-    "from vismatch import get_matcher": "vismatch is not installed",
+    "from kornia.feature import ALIKED, LightGlue": "fetches weights from the network",
 }
 """Lines of blocks of Python that are only compiled, and why."""
 
