@@ -46,6 +46,8 @@ def write_files(folder: Path, load: Load, pair: KnownPair) -> None:
     for name, pixels in {**views, "overview": pair.far, "closeup": pair.near}.items():
         for suffix in ("jpg", "png"):
             write(folder / f"{name}.{suffix}", pixels, FILM if name in views else 0)
+    for name, pixels in {"far": pair.far, "near": pair.near}.items():
+        write(folder / "demo" / f"{name}.png", pixels)
     for name in ("far", "near"):
         mask = np.full_like(views[name], 255)
         mask[:20, :40] = 0

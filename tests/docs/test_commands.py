@@ -29,6 +29,7 @@ KINDS = ("console", "python", "json", "text")
 MANY_FACTORS = "takes ten seconds; tests/bench/test_scale_curve.py does it with fewer factors"
 NOT_RUN = {
     "nearfar demo": "takes ten seconds, in tests/cli/test_demo.py",
+    "nearfar demo --out demo": "takes ten seconds, in tests/cli/test_demo.py",
     "nearfar localize far.png near.png --intrinsics estimate": (
         "needs cameras that look in different directions, in tests/test_distortion.py"
     ),
