@@ -60,6 +60,24 @@ class Comparison:
         return _over_scenes(gained, self.landmarks, mean=False)
 
     @property
+    def failures(self) -> tuple[int, int]:
+        """Cases without an answer, of both methods."""
+        landmarks, points = (
+            sum(row["status"] == "failed" for row in own) for own in (self.landmarks, self.points)
+        )
+        return landmarks, points
+
+    @property
+    def answered(self) -> "Comparison":
+        """The cases that both methods answered."""
+        both = [
+            (a, b)
+            for a, b in zip(self.landmarks, self.points, strict=True)
+            if "failed" not in (a["status"], b["status"])
+        ]
+        return Comparison(self.name, [a for a, _ in both], [b for _, b in both])
+
+    @property
     def error(self) -> tuple[float, float, Estimate]:
         """Mean r_err of poses, or mean ln STE, of both methods, and their difference."""
         both = [(_error(a), _error(b), a) for a, b in zip(self.landmarks, self.points, strict=True)]
@@ -117,11 +135,15 @@ def table(found: Sequence[Comparison], kind: str) -> str:
         strict = [str(sum(row["strict"] for row in own)) for own in (each.landmarks, each.points)]
         gain = interval_text(each.gain, lambda part: f"{part:+.0f}")
         means = [f"{first:.3f}", f"{second:.3f}", interval_text(less, lambda part: f"{part:+.2f}")]
-        lines.append([each.name, str(len(each.points)), *strict, gain, *means])
+        failures = " / ".join(map(str, each.failures))
+        fair = interval_text(each.answered.error[2], lambda part: f"{part:+.2f}")
+        lines.append([each.name, *strict, gain, *means, failures, fair])
     pose = kind == KINDS[2]
     limit, error = ("within 5°", "mean r_err") if pose else ("strict", "mean ln STE (planar)")
-    header = [f"{kind}: settings", "pairs", f"landmarks, {limit}", f"SIFT, {limit}", "difference"]
-    return markdown([*header, f"{error}: landmarks", "SIFT", "difference"], lines)
+    cases = f"{kind}, {len(found[0].points)} cases"
+    header = [cases, f"landmarks, {limit}", f"SIFT, {limit}", "difference"]
+    header += [f"{error}: landmarks", "SIFT", "difference"]
+    return markdown([*header, "failures", "difference where both answer"], lines)
 
 
 def plot(found: dict[str, list[Comparison]], file: Path) -> Path:
