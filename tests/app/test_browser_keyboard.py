@@ -4,6 +4,7 @@ import json
 import zipfile
 from pathlib import Path
 
+import pytest
 from selenium.webdriver.common.keys import Keys
 
 from tests.app.browser import Page
@@ -85,8 +86,8 @@ def test_an_answer_is_looked_at_and_exported(page: Page, files: Files, tmp_path:
     page.wait(lambda: page.has("Found") and page.all(".viewer[data-ready]"))
     assert page.focused.get_attribute("id") == "main"
 
-    tab_to(page, "Blend")
-    page.press(Keys.ENTER)
+    tab_to(page, "Side by side")
+    page.press(Keys.ARROW_RIGHT)
     page.wait(lambda: page.all(".viewer[data-overlay=ready]"))
     assert page.focused.accessible_name == "Blend"
     assert page.focused.get_attribute("aria-checked") == "true"
@@ -111,6 +112,34 @@ def test_an_answer_is_looked_at_and_exported(page: Page, files: Files, tmp_path:
         assert archive.namelist() == ["matches.csv", "footprint.geojson"]
         assert archive.testzip() is None
     assert page.focused.accessible_name == "Export as …"
+    assert not page.errors()
+
+
+def test_points_are_marked_and_moved(page: Page, server: Server, files: Files) -> None:
+    page.open("#/annotate")
+    page.find("#annotate")
+    page.choose(files)
+    tab_to(page, "Mark points")
+    page.press(Keys.ENTER)
+    page.wait(lambda: page.all(".editor[data-ready]"))
+    page.press("n")
+    page.wait(lambda: page.focused.accessible_name.startswith("Near image"))
+    page.press(Keys.SPACE)
+    page.wait(lambda: page.focused.accessible_name.startswith("Far image"))
+    page.press(Keys.ARROW_LEFT, Keys.ARROW_LEFT, Keys.SPACE)
+    page.wait(lambda: page.has("1 of 10") and page.find(".saved").text == "Saved")
+    path = f"/api/annotations/{page.driver.current_url.rpartition('/')[2]}"
+    opened = server.get(path)
+    (marked,) = opened["annotation"]["points"]
+    assert marked["near"] == pytest.approx(opened["targets"][0], abs=0.01)
+    assert 0 < marked["far"][0] < 640
+    page.press(Keys.ARROW_RIGHT)
+
+    def moved() -> bool:
+        (now,) = server.get(path)["annotation"]["points"]
+        return bool(abs(now["far"][0] - marked["far"][0] - 0.1) < 1e-6)
+
+    page.wait(moved)
     assert not page.errors()
 
 

@@ -15,9 +15,10 @@ pytest.importorskip("fastapi")
     ("arguments", "word"),
     [
         (("missing",), "missing is not a folder"),
-        (("--token", "short"), "at least 12 characters"),
-        (("--token", "пароль-пароль"), "printable ASCII"),
-        (("--token", "twelve\tletters"), "printable ASCII"),
+        (("--token-file", "short"), "at least 12 characters"),
+        (("--token-file", "foreign"), "printable ASCII"),
+        (("--token-file", "tab"), "printable ASCII"),
+        (("--token-file", "absent"), "absent cannot be read"),
         (("--port", "70000"), "--port"),
         (("--max-pixels", "0"), "at least 1"),
     ],
@@ -30,6 +31,12 @@ def test_usage_errors(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for name, token in (
+        ("short", "short"),
+        ("foreign", "пароль-пароль"),
+        ("tab", "twelve\tletters"),
+    ):
+        Path(name).write_text(f"{token}\n", encoding="utf-8")
     assert main(["app", "--data", "data", *arguments]) == 2
     complaint = capsys.readouterr().err
     assert word in complaint

@@ -22,8 +22,15 @@ class Limits:
         waiting_jobs: largest number of jobs in the queue.
         kept_jobs: number of jobs that are kept; the oldest that has ended makes room.
         annotations: largest number of annotations.
+        large_pictures: number of pictures of large images that wait or are made at a time.
         job_seconds: longest time of a job.
-        stall_seconds: longest time without a byte before an upload is given up.
+        picture_seconds: longest time to decode an image and make a picture of it.
+        head_seconds: longest time until the head of a request has arrived.
+        body_seconds: longest time until the body of a request has arrived, beside that for its
+            bytes at `least_rate`.
+        least_rate: bytes a second that a body must bring on average.
+        connections: number of connections from which on the one that has been idle for longest
+            makes room for a new one.
     """
 
     upload_bytes: int = 200 * MEGABYTE
@@ -35,8 +42,13 @@ class Limits:
     waiting_jobs: int = 12
     kept_jobs: int = 200
     annotations: int = 2000
+    large_pictures: int = 8
     job_seconds: float = 900.0
-    stall_seconds: float = 20.0
+    picture_seconds: float = 60.0
+    head_seconds: float = 10.0
+    body_seconds: float = 20.0
+    least_rate: float = 200_000.0
+    connections: int = 256
 
 
 @dataclass(frozen=True)

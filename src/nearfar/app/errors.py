@@ -5,7 +5,6 @@ NearfarError
 ├── NotFoundError       a file, job, annotation or result is not there
 ├── ConflictError       the request contradicts what the app holds
 ├── TooLargeError       an image, or the results of a benchmark, are over a limit
-├── StalledError        an upload stopped before its end
 ├── IncompleteError     an upload was broken off
 ├── StoreFullError      there is no room for more images or annotations
 └── TryLaterError
@@ -30,10 +29,6 @@ class ConflictError(AppError):
 
 class TooLargeError(AppError):
     """An image that is sent, or the results of a benchmark, are over a limit."""
-
-
-class StalledError(AppError):
-    """An image that is sent stopped arriving."""
 
 
 class IncompleteError(AppError):

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from nearfar.app.configuration import MEGABYTE, Limits
-from nearfar.app.errors import BusyError, NotFoundError, StalledError, StoreFullError, TooLargeError
+from nearfar.app.errors import BusyError, NotFoundError, StoreFullError, TooLargeError
 from nearfar.storage.locations import replaced
 
 
@@ -104,7 +104,6 @@ class Uploads:
             TooLargeError: the image is over the limit.
             StoreFullError: there is no room for it.
             BusyError: too many images arrive at a time.
-            StalledError: no byte arrived for some time.
         """
         if self._receiving.locked():
             raise BusyError("too many images at a time: try again")
@@ -113,18 +112,10 @@ class Uploads:
             path, size = Path(incoming), 0
             try:
                 with open(handle, "wb") as out:  # noqa: PTH123
-                    while True:
-                        chunk = await asyncio.wait_for(
-                            anext(chunks, None), self._limits.stall_seconds
-                        )
-                        if chunk is None:
-                            break
+                    async for chunk in chunks:
                         size += len(chunk)
                         self._check(name, size)
                         out.write(chunk)
-            except TimeoutError:
-                path.unlink()
-                raise StalledError("the image did not arrive in time") from None
             except BaseException:
                 path.unlink(missing_ok=True)
                 raise

@@ -1,5 +1,6 @@
 """Checks of every request, before any other part of the app sees it."""
 
+import asyncio
 import secrets
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
@@ -8,12 +9,13 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from nearfar.app.configuration import AppConfiguration, is_loopback
+from nearfar.app.configuration import MEGABYTE, AppConfiguration, Limits, is_loopback
 
 COOKIE = "nearfar-token"
 """Start of the name of the cookie with the token; the port of this server follows."""
 UPLOADS = "/api/images"
 """Path to which images are sent, which may be large."""
+_WITH_BODY = ("POST", "PUT", "PATCH")
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -29,7 +31,9 @@ HEADERS = {
 
 
 class Guard:
-    """Refuses requests from other sites, without the token, too many or too large.
+    """Refuses requests from other sites, without the token, too many, too large or too slow.
+
+    Requests with a body take at most half of the places, so that slow senders leave the others.
 
     Args:
         app: the app that answers all other requests.
@@ -40,6 +44,7 @@ class Guard:
         self._app = app
         self._configuration = configuration
         self._under_way = 0
+        self._bodies = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -59,16 +64,20 @@ class Guard:
         if refusal is not None:
             await refusal(scope, receive, send_guarded)
             return
+        with_body = scope["method"] in _WITH_BODY
         self._under_way += 1
+        self._bodies += with_body
         try:
-            limited = _Limited(receive, self._most_bytes(scope))
+            limited = _Limited(receive, self._most_bytes(scope), self._configuration.limits)
             await self._app(scope, limited, send_guarded)
         finally:
             self._under_way -= 1
+            self._bodies -= with_body
 
     def _refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
-        if self._under_way >= self._configuration.limits.requests:
+        most, with_body = self._configuration.limits.requests, scope["method"] in _WITH_BODY
+        if self._under_way >= most or (with_body and self._bodies >= most // 2):
             return _refused(503, "too many requests at a time: try again", {"Retry-After": "1"})
         if self._configuration.local and not is_loopback(_host_name(headers.get("host", ""))):
             return _refused(421, "this server answers to the name of this machine only")
@@ -80,8 +89,9 @@ class Guard:
         length = headers.get("content-length", "0")
         if not length.isascii() or not length.isdigit():
             return _refused(400, "the length of the request is not a number")
-        if int(length[:20]) > self._most_bytes(scope):
-            return _refused(413, "the request is too large")
+        most_bytes = self._most_bytes(scope)
+        if int(length[:20]) > most_bytes:
+            return _refused(413, _too_large(most_bytes))
         return None
 
     def _entrance(self, scope: Scope, headers: Headers) -> Response | None:
@@ -104,18 +114,40 @@ class Guard:
 
 
 class _Limited:
-    """Receives a body, up to a number of bytes."""
+    """Receives a body, up to a number of bytes, and not slower than a rate.
 
-    def __init__(self, receive: Receive, left: int) -> None:
+    Args:
+        receive: gives the parts of the body.
+        most_bytes: largest size of the body.
+        limits: bounds of its time.
+    """
+
+    def __init__(self, receive: Receive, most_bytes: int, limits: Limits) -> None:
         self._receive = receive
-        self._left = left
+        self._most_bytes = most_bytes
+        self._limits = limits
+        self._received = 0
+        self._whole = False
+        self._start = asyncio.get_running_loop().time()
 
     async def __call__(self) -> Message:
-        message = await self._receive()
-        self._left -= len(message.get("body", b""))
-        if self._left < 0:
-            raise HTTPException(413, "the request is too large")
+        if self._whole:  # What comes now is the end of the connection.
+            return await self._receive()
+        allowed = self._limits.body_seconds + self._received / self._limits.least_rate
+        try:
+            async with asyncio.timeout_at(self._start + allowed):
+                message = await self._receive()
+        except TimeoutError:
+            raise HTTPException(408, "the request did not arrive in time") from None
+        self._received += len(message.get("body", b""))
+        self._whole = not message.get("more_body", False)
+        if self._received > self._most_bytes:
+            raise HTTPException(413, _too_large(self._most_bytes))
         return message
+
+
+def _too_large(most_bytes: int) -> str:
+    return f"the request is larger than the limit of {most_bytes / MEGABYTE:g} megabytes"
 
 
 def _same_origin(headers: Headers, path: str) -> bool:

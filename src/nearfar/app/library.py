@@ -18,8 +18,10 @@ from nearfar.imaging.decoding import image_suffixes
 from nearfar.maps.manifest import FILE as MAP_FILE
 from nearfar.storage.locations import is_text
 
-MOST_ENTRIES = 2000
-"""Largest number of entries of a folder that are listed."""
+PAGE = 500
+"""Largest number of entries of a folder that are listed at a time."""
+MOST_SCANNED = 200_000
+"""Largest number of entries of a folder that are read."""
 MOST_SEARCHED = 20_000
 """Largest number of entries that are searched for maps or results, in all folders."""
 
@@ -59,14 +61,16 @@ class Listing:
         parents: the folders above it, outermost first, and itself.
         folders: the folders in it.
         images: the images in it.
-        complete: False where there are more entries than are listed.
+        start: number of entries before those that are listed.
+        total: number of entries whose names hold the text that was asked for.
     """
 
     ref: str
     parents: tuple[Folder, ...]
     folders: tuple[Folder, ...]
     images: tuple[ImageFile, ...]
-    complete: bool
+    start: int = 0
+    total: int = 0
 
 
 class Library:
@@ -133,8 +137,13 @@ class Library:
             text = text.replace(f"{folder}/", "").replace(str(folder), _root_name(folder))
         return text
 
-    def listing(self, ref: str) -> Listing:
-        """List a folder; for an empty reference list the served folders.
+    def listing(self, ref: str, text: str = "", start: int = 0) -> Listing:
+        """List a page of a folder, sorted; for an empty reference list the served folders.
+
+        Args:
+            ref: reference of the folder.
+            text: list entries alone whose names hold it, in any case.
+            start: number of entries to leave out.
 
         Raises:
             NotFoundError: there is no such folder.
@@ -144,18 +153,24 @@ class Library:
                 Folder(_reference(root, root), _root_name(root), _kind(root))
                 for root in self._roots.values()
             ]
-            return Listing("", (), tuple(roots), (), complete=True)
+            return Listing("", (), tuple(roots), (), total=len(roots))
         path = self.folder(ref)
+        wanted = text.casefold()
+        entries = [
+            (not entry.is_dir(), entry.name.lower(), entry.name)
+            for entry in _visible(path, MOST_SCANNED)
+            if wanted in entry.name.casefold()
+            and (entry.is_dir() or Path(entry.name).suffix.lower() in self._suffixes)
+        ]
         folders, images = [], []
-        entries = list(_visible(path, MOST_ENTRIES + 1))
-        for entry in sorted(entries[:MOST_ENTRIES], key=lambda each: each.name.lower()):
-            inside = f"{ref}/{entry.name}"
-            if entry.is_dir():
-                folders.append(Folder(inside, entry.name, _kind(Path(entry.path))))
-            elif Path(entry.name).suffix.lower() in self._suffixes:
-                images.append(ImageFile(inside, entry.name))
-        complete = len(entries) <= MOST_ENTRIES
-        return Listing(ref, self._parents(ref), tuple(folders), tuple(images), complete)
+        for is_image, _, name in sorted(entries)[start : start + PAGE]:
+            inside = f"{ref}/{name}"
+            if is_image:
+                images.append(ImageFile(inside, name))
+            else:
+                folders.append(Folder(inside, name, _kind(path / name)))
+        found = tuple(folders), tuple(images)
+        return Listing(ref, self._parents(ref), *found, start=start, total=len(entries))
 
     def find(self, kind: FolderKind) -> list[Folder]:
         """Return all folders of a kind among the first `MOST_SEARCHED` entries."""

@@ -3,6 +3,7 @@
 import json
 import os
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,6 @@ import yaml
 from nearfar.app.annotations import LEAST, Annotation, agreement, arrays
 from nearfar.app.errors import ConflictError
 from nearfar.app.files import write_whole
-from nearfar.app.renditions import Renditions
 from nearfar.arrays import Coordinates
 from nearfar.geometry.homography import scale_change
 from nearfar.imaging.decoding import FORMATS, quiet_pillow
@@ -68,12 +68,15 @@ def write_pair_zip(annotation: Annotation, images: ImageFiles, out: Path) -> Non
         archive.write(images.near, f"{annotation.name}/{near}")
 
 
-def write_paper_zip(
-    annotation: Annotation, images: ImageFiles, renditions: Renditions, out: Path
-) -> None:
+def write_paper_zip(annotation: Annotation, pictures: Sequence[bytes], out: Path) -> None:
     """Write the authors' layout into a ZIP file: `NAME/1.png`, `2.png` and `1_to_2.yaml`.
 
     Points are shares of width and height, counted from the outer edge of the image.
+
+    Args:
+        annotation: an annotation with enough points.
+        pictures: the far and the near image as PNG.
+        out: the file.
     """
     points = checked_points(annotation)
     shares = {
@@ -84,8 +87,8 @@ def write_paper_zip(
     }
     with zipfile.ZipFile(out, "w") as archive:
         archive.writestr(f"{annotation.name}/1_to_2.yaml", yaml.safe_dump(shares))
-        for name, file in (("1", images.far), ("2", images.near)):
-            archive.writestr(f"{annotation.name}/{name}.png", renditions.png(file))
+        for name, picture in zip(("1", "2"), pictures, strict=True):
+            archive.writestr(f"{annotation.name}/{name}.png", picture)
 
 
 def add_to_benchmark(

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -157,6 +157,7 @@ class Ended(Message):
         summary: the answer in a few words.
         found: whether the answer is a place.
         outcomes: one for each format of an export.
+        size: width and height of the image of a picture, as displayed, in pixels.
     """
 
     kind: Literal["ended"] = "ended"
@@ -164,6 +165,7 @@ class Ended(Message):
     summary: str = ""
     found: bool = False
     outcomes: tuple[Outcome, ...] = ()
+    size: tuple[int, int] | None = None
 
 
 Report = StageReport | AttemptReport | Ended
@@ -175,9 +177,14 @@ _LONGEST_REPORT = 1_000_000
 
 
 class WorkerProcess:
-    """Does one task at a time in a process, which is started when needed, again after a crash."""
+    """Does one task at a time in a process, which is started when needed, again after a crash.
 
-    def __init__(self) -> None:
+    Args:
+        program: module that the process runs.
+    """
+
+    def __init__(self, program: str = "nearfar.app.worker") -> None:
+        self._program = program
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self) -> asyncio.subprocess.Process:
@@ -190,7 +197,7 @@ class WorkerProcess:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
                 "-m",
-                "nearfar.app.worker",
+                self._program,
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 limit=_LONGEST_REPORT,
@@ -205,7 +212,7 @@ class WorkerProcess:
         its pipe.
 
         Args:
-            task: one of `WorkerTask`.
+            task: a task that the program of the process takes.
             on_report: is called with each report before the last.
 
         Raises:
@@ -256,13 +263,15 @@ def crash_explanation(exit_status: int) -> str:
 
 
 Send = Callable[[Message], None]
+Task = TypeVar("Task")
 
 
-def do_tasks(make: Callable[[Send], Callable[[WorkerTask], Ended]]) -> NoReturn:
+def do_tasks(make: Callable[[Send], Callable[[Task], Ended]], kind: TypeAdapter[Task]) -> NoReturn:
     """Do tasks from the standard input until it is closed, then end at once, also within a task.
 
     Args:
         make: is called with a function that sends a report; returns what does a task.
+        kind: reads a task.
     """
     # What libraries print must not reach the server as a report.
     reports = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -276,7 +285,7 @@ def do_tasks(make: Callable[[Send], Callable[[WorkerTask], Ended]]) -> NoReturn:
 
     do = make(send)
     while True:
-        send(do(TASK.validate_json(tasks.get())))
+        send(do(kind.validate_json(tasks.get())))
 
 
 def _read(tasks: "queue.SimpleQueue[bytes]") -> None:

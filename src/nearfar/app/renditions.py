@@ -1,77 +1,102 @@
 """Images as a browser shows them: reduced, or seen through a homography."""
 
-import io
-from concurrent.futures import ThreadPoolExecutor
+import asyncio
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
-import numpy as np
 from cachetools import LRUCache
 from PIL import Image as PillowImage
 
 from nearfar.app.configuration import Limits
+from nearfar.app.errors import BusyError
+from nearfar.app.pictures import MakePicture
+from nearfar.app.process import Ended, WorkerProcess
 from nearfar.arrays import Matrix3
-from nearfar.imaging.image import Image, ImageInfo, read_image
-from nearfar.imaging.raster import open_raster
+from nearfar.errors import ImageError
+from nearfar.imaging.decoding import FORMATS, quiet_pillow
+from nearfar.imaging.image import ImageInfo
 from nearfar.imaging.tiff import tiff_header
-from nearfar.imaging.tiles import Tile, reduced_size
-from nearfar.render.draw import rendered
 
-LONGEST = 6000
-"""Longest side of a picture to show, in pixels."""
 THUMBNAIL = 320
 LARGEST_FRAME = 3000
 """Longest side of a frame into which an image is warped."""
-_CACHE_BYTES = 400_000_000
+LARGE = 16_000_000
+"""Number of pixels from which on an image is large; large images have a process of their own."""
+_LARGE_FILE = 8_000_000
+"""Size in bytes from which on a file is large whose pixels cannot be told without decoding."""
 _ENCODED_BYTES = 60_000_000
+_MOST_SIZES = 10_000
 
 _Key = tuple[str, int, int]
 
 
 class Renditions:
-    """Pictures of image files; the latest ones are kept.
+    """Pictures of image files, which two processes make; the latest ones are kept.
 
-    One thread makes one at a time: memory that each of many threads once used would not be given
-    back.
+    One process makes pictures of small images and the other those of large ones, so that small
+    ones never wait behind large ones. A picture that takes too long ends its process.
 
     Args:
-        limits: bounds, among them the pixels of an image.
+        limits: bounds, among them the pixels of an image and the time of a picture.
     """
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._thread = ThreadPoolExecutor(1, "pictures")
-        self._images: LRUCache[_Key, Image] = LRUCache(
-            _CACHE_BYTES, lambda image: image.pixels.nbytes
-        )
+        self._small = _Lane(limits.requests, limits.picture_seconds)
+        self._large = _Lane(limits.large_pictures, limits.picture_seconds)
         self._encoded: LRUCache[tuple[_Key, int], bytes] = LRUCache(_ENCODED_BYTES, len)
+        self._sizes: LRUCache[_Key, tuple[int, int]] = LRUCache(_MOST_SIZES)
 
-    def size(self, file: Path) -> tuple[int, int]:
-        """Return width and height of an image as displayed, in pixels.
+    async def start(self) -> None:
+        """Start the process of small images, so that the first picture need not wait for it."""
+        await self._small.worker.start()
+
+    async def close(self) -> None:
+        """End the processes."""
+        await self._small.worker.end()
+        await self._large.worker.end()
+
+    async def size(self, file: Path) -> tuple[int, int]:
+        """Return width and height of an image as displayed, in pixels; the file is decoded once.
 
         Raises:
-            ImageError: it cannot be read, or has too many pixels.
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
         """
-        info = self.info(file)
-        return info.width, info.height
+        key = _key(file)
+        if key not in self._sizes:
+            await self._made("size", file)
+        return self._sizes[key]
 
-    def info(self, file: Path) -> ImageInfo:
+    async def info(self, file: Path) -> ImageInfo:
         """Return path and size of an image, as if it was localized at its original size.
 
         Raises:
-            ImageError: it cannot be read, or has too many pixels.
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
         """
-        image = self._thread.submit(self._image, file).result()
-        return ImageInfo(file, image.width, image.height, (image.width, image.height))
+        width, height = await self.size(file)
+        return ImageInfo(file, width, height, (width, height))
 
-    def jpeg(self, file: Path, longest: int) -> bytes:
+    async def jpeg(self, file: Path, longest: int) -> bytes:
         """Return the image as JPEG, reduced so that neither side exceeds `longest`.
 
         Raises:
-            ImageError: it cannot be read, or has too many pixels.
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
         """
-        return self._thread.submit(self._jpeg, file, longest).result()
+        key = _key(file), longest
+        known = self._encoded.get(key)
+        if known is not None:
+            return known
+        encoded = await self._made("jpeg", file, longest=longest)
+        if len(encoded) <= _ENCODED_BYTES:
+            self._encoded[key] = encoded
+        return encoded
 
-    def warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
+    async def warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
         """Warp the image into the frame of another; return WebP, transparent outside the image.
 
         Args:
@@ -81,68 +106,81 @@ class Renditions:
             height: height of the frame in pixels.
 
         Raises:
-            ImageError: it cannot be read, or has too many pixels.
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
         """
-        return self._thread.submit(self._warped, file, frame_from_image, width, height).result()
+        rows: Sequence[Sequence[float]] = frame_from_image.tolist()
+        return await self._made("warped", file, frame_from_image=rows, width=width, height=height)
 
-    def png(self, file: Path) -> bytes:
+    async def png(self, file: Path) -> bytes:
         """Return the whole image as displayed, as PNG.
 
         Raises:
-            ImageError: it cannot be read, or has too many pixels.
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
         """
-        return self._thread.submit(self._png, file).result()
+        return await self._made("png", file)
 
-    def _jpeg(self, file: Path, longest: int) -> bytes:
-        key = _key(file), longest
-        known = self._encoded.get(key)
-        if known is not None:
-            return known
-        picture = PillowImage.fromarray(self._image(file).pixels)
-        picture.thumbnail(reduced_size(*picture.size, longest), PillowImage.Resampling.BOX)
-        encoded = _encoded(picture, "JPEG", quality=92, subsampling=0)
-        if len(encoded) <= _ENCODED_BYTES:
-            self._encoded[key] = encoded
-        return encoded
-
-    def _warped(self, file: Path, frame_from_image: Matrix3, width: int, height: int) -> bytes:
-        pixels, cover = rendered(self._image(file), frame_from_image, width, height)
-        alpha = np.rint(cover * 255).astype(np.uint8)
-        picture = PillowImage.fromarray(np.dstack([pixels, alpha]))
-        return _encoded(picture, "WEBP", quality=90, method=1)
-
-    def _png(self, file: Path) -> bytes:
-        image = read_image(file, max_pixels=self._limits.pixels)
-        return _encoded(PillowImage.fromarray(image.pixels), "PNG")
-
-    def _image(self, file: Path) -> Image:
-        """Return the image, reduced to the size at which it is shown."""
+    async def _made(
+        self, kind: Literal["size", "jpeg", "png", "warped"], file: Path, **options: Any
+    ) -> bytes:
+        """Return a picture, or nothing where the size alone was asked for."""
         key = _key(file)
-        known = self._images.get(key)
-        if known is not None:
-            return known
-        image = self._read(file)
-        if image.pixels.nbytes <= _CACHE_BYTES:
-            self._images[key] = image
-        return image
+        lane = self._large if await asyncio.to_thread(_is_large, file) else self._small
+        with TemporaryDirectory(prefix="nearfar-picture-") as folder:
+            out = Path(folder) / "picture"
+            task = MakePicture(
+                kind=kind, file=file, out=out, max_pixels=self._limits.pixels, **options
+            )
+            ended = await lane.do(task)
+            if ended.error is not None or ended.size is None:
+                raise ImageError(ended.error or f"{file} cannot be read")
+            self._sizes[key] = ended.size
+            return b"" if kind == "size" else await asyncio.to_thread(out.read_bytes)
 
-    def _read(self, file: Path) -> Image:
-        most = self._limits.pixels
-        header = tiff_header(file)
-        if header is None or header.width * header.height <= most:
-            return read_image(file, max_size=LONGEST, max_pixels=most)
-        raster = open_raster(file)
-        columns, rows = reduced_size(raster.width, raster.height, LONGEST)
-        whole = Tile(0, 0, raster.width, raster.height, columns, rows)
-        return Image(raster.read(whole), raster.width, raster.height, file)
+
+class _Lane:
+    """A picture process and the tasks that wait for it.
+
+    Args:
+        most: largest number of tasks that wait or are under way.
+        seconds: longest time of a task.
+    """
+
+    def __init__(self, most: int, seconds: float) -> None:
+        self.worker = WorkerProcess("nearfar.app.pictures")
+        self._most = most
+        self._seconds = seconds
+        self._under_way = 0
+        self._lock = asyncio.Lock()
+
+    async def do(self, task: MakePicture) -> Ended:
+        if self._under_way >= self._most:
+            raise BusyError("too many large images at a time: try again")
+        self._under_way += 1
+        try:
+            async with self._lock, asyncio.timeout(self._seconds):
+                return await self.worker.do(task)
+        except TimeoutError:
+            return Ended(
+                error=f"{task.file} cannot be read within {self._seconds:.0f} seconds: reduce it"
+            )
+        finally:
+            self._under_way -= 1
+
+
+def _is_large(file: Path) -> bool:
+    """Whether an image has many pixels, by its header."""
+    header = tiff_header(file)
+    if header is not None:
+        return header.width * header.height > LARGE
+    try:
+        with quiet_pillow(), PillowImage.open(file, formats=FORMATS) as opened:
+            return opened.width * opened.height > LARGE
+    except Exception:  # Damaged files make parsers raise whatever they like.
+        return file.stat().st_size > _LARGE_FILE
 
 
 def _key(file: Path) -> _Key:
     status = file.stat()
     return str(file), status.st_mtime_ns, status.st_size
-
-
-def _encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:
-    out = io.BytesIO()
-    picture.save(out, kind, **options)
-    return out.getvalue()

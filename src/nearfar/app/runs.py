@@ -1,5 +1,6 @@
 """The rows of a folder of benchmark results, as a table."""
 
+import asyncio
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -103,7 +104,7 @@ def read_run(folder: Path, library: Library) -> Run:
     return Run(folder.name, record.commands, record.version, rows, complete, skipped)
 
 
-def kept_row(
+async def kept_row(
     folder: Path, library: Library, renditions: Renditions, index: int, case: str, method: str
 ) -> KeptAnswer:
     """Return the answer in a row of `read_run`.
@@ -122,7 +123,8 @@ def kept_row(
         ConflictError: the images of the row are not in a served folder.
         LocalizationError: the row is damaged.
     """
-    for _, result in _results(folder)[0][index : index + 1]:
+    results, _ = await asyncio.to_thread(_results, folder)
+    for _, result in results[index : index + 1]:
         if (result.case, result.method) != (case, method):
             break
         far, near = (_reference(file, folder, library) for file in (result.far, result.near))
@@ -131,7 +133,7 @@ def kept_row(
                 "the images are elsewhere: start nearfar app with their folder as well"
             )
         names = image_names(library, far, near)
-        infos = renditions.info(library.file(far)), renditions.info(library.file(near))
+        infos = [await renditions.info(library.file(ref)) for ref in (far, near)]
         return KeptAnswer(localization_of_row(result.row, *infos), None, names)
     raise NotFoundError("there is no such row any more: open the results again")
 

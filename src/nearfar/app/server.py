@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
@@ -15,13 +15,13 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from nearfar.app.configuration import AppConfiguration
+from nearfar.app.connections import impatient_protocol
 from nearfar.app.errors import (
     BusyError,
     ConflictError,
     IncompleteError,
     NotFoundError,
     QueueFullError,
-    StalledError,
     StoreFullError,
     TooLargeError,
     TryLaterError,
@@ -34,7 +34,6 @@ STATIC = Path(__file__).parent / "static"
 STATUSES: dict[type[Exception], int] = {
     IncompleteError: 400,
     NotFoundError: 404,
-    StalledError: 408,
     ConflictError: 409,
     TooLargeError: 413,
     QueueFullError: 429,
@@ -52,11 +51,13 @@ def create_app(configuration: AppConfiguration) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.services = Services.of(configuration)
         runner = asyncio.create_task(app.state.services.runner.run())
+        await app.state.services.renditions.start()
         yield
         runner.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await runner
         await app.state.services.formats.close()
+        await app.state.services.renditions.close()
 
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
@@ -72,17 +73,26 @@ def create_app(configuration: AppConfiguration) -> FastAPI:
     return app
 
 
-def serve(configuration: AppConfiguration, listening: socket.socket) -> None:
+def serve(
+    configuration: AppConfiguration, listening: socket.socket, ready: Callable[[], None]
+) -> None:
     """Answer requests until the process is asked to end.
+
+    Args:
+        configuration: the options of the app.
+        listening: the socket that takes connections.
+        ready: is called once the folder for the data is known to be free.
 
     Raises:
         SettingsError: another process uses the same folder for its data.
     """
     with _only_one(configuration.data):
+        ready()
         settings = uvicorn.Config(
             create_app(configuration),
             log_level="warning",
             server_header=False,
+            http=impatient_protocol(configuration.limits),
             ws="none",
             timeout_keep_alive=15,
             timeout_graceful_shutdown=3,
@@ -108,6 +118,24 @@ def listen(host: str, port: int) -> socket.socket:
         raise SettingsError(
             f"cannot listen at {host}, port {port} ({reason}): choose another with --port"
         ) from None
+
+
+def reachable(host: str) -> str:
+    """Return a name under which a browser reaches a host to listen at.
+
+    An address that stands for all of this machine is none that a browser can open.
+    """
+    if host not in ("0.0.0.0", "::", ""):  # noqa: S104
+        return host
+    family, far = (
+        (socket.AF_INET6, "2001:db8::1") if host == "::" else (socket.AF_INET, "192.0.2.1")
+    )
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((far, 9))  # Sends nothing: it chooses the address of this machine.
+            return str(probe.getsockname()[0])
+        except OSError:
+            return "::1" if host == "::" else "127.0.0.1"
 
 
 @contextmanager

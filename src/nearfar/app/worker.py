@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from nearfar.app.files import write_whole
 from nearfar.app.formats import read_matches, write_matches
 from nearfar.app.process import (
+    TASK,
     Areas,
     AttemptReport,
     Ended,
@@ -34,6 +35,8 @@ from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location
 
+MOST_CERTAIN = 0.9995
+"""Confidence from which on no figure of it is shown."""
 CACHE_BYTES = 300_000_000
 """Memory for the features of the images used last."""
 
@@ -79,9 +82,7 @@ class Worker:
         _write(task.result, localization_result(found, steps.best, settings))
         if not found.localized:
             return Ended(summary="not found")
-        parts = [] if found.scale_change is None else [f"{found.scale_change:.1f}x larger"]
-        parts += [] if found.confidence is None else [f"confidence {found.confidence:.0%}"]
-        return Ended(summary=", ".join(parts), found=True)
+        return Ended(summary=in_words(found), found=True)
 
     def _locate(self, task: LocateInMap) -> Ended:
         self._notify_stage("searching the map")
@@ -107,6 +108,18 @@ class Worker:
     def _notify_step(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
+
+
+def in_words(found: Localization) -> str:
+    """Return scale change and confidence of an answer; near certainty is no certainty."""
+    parts, change, confidence = [], found.scale_change, found.confidence
+    if change is not None:
+        parts.append(f"{change:.1f}x larger" if change >= 1 else f"{1 / change:.1f}x smaller")
+    if confidence is not None:
+        digits = 1 if confidence > 0.99 else 0
+        known = "> 99.9%" if confidence > MOST_CERTAIN else f"{confidence:.{digits}%}"
+        parts.append(f"confidence {known}")
+    return ", ".join(parts)
 
 
 def mask_of(file: Path, areas: Areas, max_pixels: int) -> NDArray[np.uint8] | None:
@@ -189,4 +202,4 @@ def _written(name: str, subject: Subject, task: ExportAnswer) -> Outcome:
 
 
 if __name__ == "__main__":
-    do_tasks(lambda send: Worker(send).do)
+    do_tasks(lambda send: Worker(send).do, TASK)

@@ -1,5 +1,6 @@
 """`nearfar app`."""
 
+import os
 import secrets
 import webbrowser
 from pathlib import Path
@@ -22,7 +23,7 @@ def app_command(
     *,
     port: int = 8765,
     host: str = "127.0.0.1",
-    token: str | None = None,
+    token_file: Path | None = None,
     data: Path | None = None,
     max_upload: int = 200,
     max_pixels: int = 100_000_000,
@@ -38,7 +39,8 @@ def app_command(
         port: Port to listen at; 0 takes one that is free.
         host: Address to listen at. With another than 127.0.0.1 other machines can connect, over
             plain HTTP, and need the token.
-        token: Token that a browser must bring; made where --host needs one.
+        token_file: File with the token that a browser must bring; $NEARFAR_APP_TOKEN may hold it
+            instead. One is made where --host needs one.
         data: Folder for images that are dropped on the page, answers and annotations; by default
             the system's folder for a user's data.
         max_upload: Refuse to be sent images of more megabytes.
@@ -53,8 +55,9 @@ def app_command(
         default_data,
         is_loopback,
     )
-    from nearfar.app.server import listen, serve
+    from nearfar.app.server import listen, reachable, serve
 
+    token = _token(token_file)
     _check(folders, token, max_upload, max_pixels)
     if token is None and not is_loopback(host):
         token = secrets.token_urlsafe(24)
@@ -63,14 +66,32 @@ def app_command(
     configuration = AppConfiguration(folders, kept, host, token, limits)
     with listen(host, port) as listening:
         chosen = listening.getsockname()[1]
-        shown = f"[{host}]" if ":" in host else host
+        named = reachable(host)
+        shown = f"[{named}]" if ":" in named else named
         address = f"http://{shown}:{chosen}/" + (f"?token={quote(token, safe='')}" if token else "")
-        Console(emoji=False, highlight=False, soft_wrap=True).print(
-            f"nearfar app: {address}", markup=False
-        )
-        if open_browser:
-            webbrowser.open(address)
-        serve(configuration, listening)
+
+        def tell() -> None:
+            Console(emoji=False, highlight=False, soft_wrap=True).print(
+                f"nearfar app: {address}", markup=False
+            )
+            if open_browser:
+                webbrowser.open(address)
+
+        serve(configuration, listening, tell)
+
+
+def _token(file: Path | None) -> str | None:
+    """Return the token of a file or of the environment, which other users cannot read.
+
+    Raises:
+        SettingsError: the file cannot be read.
+    """
+    if file is None:
+        return os.environ.get("NEARFAR_APP_TOKEN")
+    try:
+        return file.read_text(encoding="utf-8").strip()
+    except (OSError, ValueError) as error:
+        raise SettingsError(f"--token-file {file} cannot be read ({error})") from None
 
 
 def _check(folders: tuple[Path, ...], token: str | None, max_upload: int, max_pixels: int) -> None:
@@ -83,6 +104,6 @@ def _check(folders: tuple[Path, ...], token: str | None, max_upload: int, max_pi
                 f"{folder} has a path that is not UTF-8, which the app cannot serve"
             )
     if token is not None and not (len(token) >= 12 and token.isascii() and token.isprintable()):
-        raise SettingsError("--token needs at least 12 characters, all of them printable ASCII")
+        raise SettingsError("the token needs at least 12 characters, all of them printable ASCII")
     if max_upload < 1 or max_pixels < 1:
         raise SettingsError("--max-upload and --max-pixels must be at least 1")

@@ -43,8 +43,8 @@ class HlocExporter(Exporter):
         for name in (names.far, names.near):
             if name.split() != [name]:
                 raise ExportError(
-                    f"hloc's lists cannot hold {name!r}, a name with white space: rename the file, "
-                    "or give far= and near= to nearfar.export"
+                    f"hloc's lists cannot hold {name!r}, a name with white space: rename the file "
+                    "(in Python: give far= and near= to nearfar.export)"
                 )
         path.mkdir(exist_ok=True)
         features, matches, pairs = (

@@ -117,9 +117,9 @@ def decode(path: Path, max_pixels: int, *, max_size: int = 0, bands: Sequence[in
             tiff = tiff_header(path)
         if tiff is not None:
             tiff.check_colours(path)
-            check_limit(str(path), tiff.width, tiff.height, max_pixels)
-        jpeg = jpeg2000_header(start)
-        header = tiff or jpeg
+        header = tiff or jpeg2000_header(start)
+        if header is not None:
+            check_limit(str(path), header.width, header.height, max_pixels)
         if header is not None and (header.needs_gdal or (tiff is not None and bands)):
             return _decode_with_gdal(path, tiff, max_pixels, max_size, bands)
         array = _decode(path, max_pixels, tiff, start)

@@ -189,10 +189,14 @@ class Jpeg2000Header:
     """What the first segment of a JPEG 2000 code stream says.
 
     Attributes:
+        width: in pixels.
+        height: in pixels.
         bits: bits of each component.
         signed: whether a component has negative values.
     """
 
+    width: int
+    height: int
     bits: tuple[int, ...]
     signed: bool
 
@@ -210,12 +214,16 @@ def jpeg2000_header(start: bytes) -> Jpeg2000Header | None:
     at = start.find(_CODE_STREAM)
     if at < 0 or len(start) < at + 42:
         return None
+    right, bottom, left, top = struct.unpack_from(">4I", start, at + 8)
     (count,) = struct.unpack_from(">H", start, at + 40)
     sizes = start[at + 42 : at + 42 + 3 * count : 3]
     if not sizes:
         return None
     return Jpeg2000Header(
-        tuple((size & 127) + 1 for size in sizes), any(size & 128 for size in sizes)
+        right - left,
+        bottom - top,
+        tuple((size & 127) + 1 for size in sizes),
+        any(size & 128 for size in sizes),
     )
 
 

@@ -1,5 +1,6 @@
 """Routes of annotations: points marked in two images, and their export."""
 
+import asyncio
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,10 +74,10 @@ async def list_annotations(held: Held) -> list[Annotation]:
 
 
 @router.post("/annotations", status_code=201)
-def create_annotation(held: Held, request: AnnotationRequest) -> OpenAnnotation:
+async def create_annotation(held: Held, request: AnnotationRequest) -> OpenAnnotation:
     """Create an annotation of two images."""
     files = held.library.file(request.far), held.library.file(request.near)
-    sizes = held.renditions.size(files[0]), held.renditions.size(files[1])
+    sizes = await held.renditions.size(files[0]), await held.renditions.size(files[1])
     names = held.library.name(request.far), held.library.name(request.near)
     return _opened(held.annotations.create(request, names, sizes))
 
@@ -109,7 +110,7 @@ async def judge(marked: Marked) -> Agreement:
 
 
 @router.get("/annotations/{annotation_id}/export")
-def export(
+async def export(
     held: Held, annotation_id: str, layout: Literal["pair.json", "pair", "paper"]
 ) -> Response:
     """Download `pair.json`, that with both images, or the authors' layout."""
@@ -124,9 +125,10 @@ def export(
         out = Path(made.name)
     try:
         if layout == "pair":
-            write_pair_zip(annotation, images, out)
+            await asyncio.to_thread(write_pair_zip, annotation, images, out)
         else:
-            write_paper_zip(annotation, images, held.renditions, out)
+            pictures = [await held.renditions.png(file) for file in (images.far, images.near)]
+            await asyncio.to_thread(write_paper_zip, annotation, pictures, out)
     except BaseException:
         out.unlink()
         raise

@@ -149,10 +149,11 @@ def _of_job(held: Held, job_id: str) -> KeptAnswer:
     return KeptAnswer(found, held.jobs.matches_file(job), names)
 
 
-def _of_row(
+async def _of_row(
     held: Held, ref: _Text, index: Annotated[int, Query(ge=0)], case: _Text, method: _Text
 ) -> KeptAnswer:
-    return kept_row(held.library.folder(ref), held.library, held.renditions, index, case, method)
+    folder = held.library.folder(ref)
+    return await kept_row(folder, held.library, held.renditions, index, case, method)
 
 
 OfJob = Annotated[KeptAnswer, Depends(_of_job)]

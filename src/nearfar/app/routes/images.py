@@ -1,6 +1,5 @@
 """Routes of served folders, the images in them, and images that are sent."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -12,7 +11,8 @@ from starlette.requests import ClientDisconnect
 from nearfar.app.errors import IncompleteError
 from nearfar.app.files import shown_name
 from nearfar.app.library import Folder, FolderKind, Listing
-from nearfar.app.renditions import LARGEST_FRAME, LONGEST, THUMBNAIL
+from nearfar.app.pictures import LONGEST
+from nearfar.app.renditions import LARGEST_FRAME, THUMBNAIL
 from nearfar.app.routes import Held
 from nearfar.errors import ImageError, NearfarError
 
@@ -34,9 +34,14 @@ class ImageAnswer:
 
 
 @router.get("/folders")
-def list_folder(held: Held, ref: Reference = "") -> Listing:
-    """List a served folder; list all served folders where none is named."""
-    return held.library.listing(ref)
+def list_folder(
+    held: Held,
+    ref: Reference = "",
+    text: Annotated[str, Query(max_length=200)] = "",
+    start: Annotated[int, Query(ge=0)] = 0,
+) -> Listing:
+    """List a page of a served folder; list all served folders where none is named."""
+    return held.library.listing(ref, text, start)
 
 
 @router.get("/find")
@@ -53,7 +58,7 @@ async def send_image(
     """Take the bytes of an image file; it is kept if it is one."""
     incoming = await held.uploads.receive(name, _chunks(request))
     try:
-        width, height = await asyncio.to_thread(held.renditions.size, incoming)
+        width, height = await held.renditions.size(incoming)
     except NearfarError as error:
         incoming.unlink()
         raise ImageError(str(error).replace(str(incoming), shown_name(name))) from None
@@ -78,22 +83,22 @@ async def _chunks(request: Request) -> AsyncIterator[bytes]:
 
 
 @router.get("/images/info")
-def image_info(held: Held, ref: Reference) -> ImageAnswer:
+async def image_info(held: Held, ref: Reference) -> ImageAnswer:
     """Return name and size of an image."""
-    width, height = held.renditions.size(held.library.file(ref))
+    width, height = await held.renditions.size(held.library.file(ref))
     return ImageAnswer(ref, held.library.name(ref), width, height)
 
 
 @router.get("/images/picture")
-def image_picture(held: Held, ref: Reference, *, thumbnail: bool = False) -> Response:
+async def image_picture(held: Held, ref: Reference, *, thumbnail: bool = False) -> Response:
     """Return the image as JPEG, reduced where it is very large."""
     longest = THUMBNAIL if thumbnail else LONGEST
-    picture = held.renditions.jpeg(held.library.file(ref), longest)
+    picture = await held.renditions.jpeg(held.library.file(ref), longest)
     return Response(picture, media_type="image/jpeg", headers=_KEPT)
 
 
 @router.get("/images/warped")
-def image_warped(
+async def image_warped(
     held: Held,
     ref: Reference,
     h: Annotated[list[Element], Query(min_length=9, max_length=9)],
@@ -105,5 +110,6 @@ def image_warped(
     singular = np.linalg.svd(frame_from_image, compute_uv=False)
     if not singular[2] > 1e-12 * singular[0]:
         raise HTTPException(422, "the homography cannot be inverted")
-    picture = held.renditions.warped(held.library.file(ref), frame_from_image, width, height)
+    file = held.library.file(ref)
+    picture = await held.renditions.warped(file, frame_from_image, width, height)
     return Response(picture, media_type="image/webp", headers=_KEPT)

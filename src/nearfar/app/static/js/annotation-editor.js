@@ -54,7 +54,8 @@ export class AnnotationEditor {
       { key: "Escape", label: "Esc", what: "choose nothing", act: () => this.#select(null) },
       { key: "f", label: "f", what: "show whole images", act: () => { this.views.far.fit(); this.views.near.fit(); } },
       { key: "l", label: "l", what: "link zoom and pan", act: () => this.#toggleLinked() },
-      { key: "nudge", label: "← → ↑ ↓", what: "move the chosen point by 0.1 pixels, with Shift by 1", act: () => {} },
+      { key: "set", label: "Space", what: "mark the point under the cross of the image that has the focus", act: () => {} },
+      { key: "nudge", label: "← → ↑ ↓", what: "move the chosen point by 0.1 pixels, with Shift by 1; without one, the image", act: () => {} },
     ];
   }
 
@@ -87,7 +88,8 @@ export class AnnotationEditor {
     for (const role of ["far", "near"]) this.views[role].element.append(this.loupes[role]);
     this.linkButton = iconButton("link", "Link zoom and pan (l)", () => this.#toggleLinked(), { "aria-pressed": "false" });
     return h("div", { class: "editor" },
-      h("div", { class: "page-head" }, h("a", { class: "back", href: "#/annotate" }, "Annotations"), h("div", {}, name, this.saved)),
+      h("div", { class: "page-head" }, h("a", { class: "back", href: "#/annotate" }, "Annotations"),
+        h("h1", { class: "visually-hidden" }, "Mark points in both images"), h("div", {}, name, this.saved)),
       h("div", { class: "with-side" },
         h("section", { class: "viewer", "aria-label": "Images" },
           h("div", { class: "toolbar", role: "toolbar", "aria-label": "Annotation" }, this.hint,
@@ -106,7 +108,8 @@ export class AnnotationEditor {
     view.addEventListener("press", (event) => this.#press(role, event.detail));
     view.addEventListener("hover", (event) => this.#loupe(role, event.detail));
     view.grab = (at) => this.#grab(role, at);
-    view.useKey = (event) => this.#nudge(role, event);
+    view.useKey = (event) => this.#set(role, event) || this.#nudge(role, event);
+    for (const type of ["focus", "blur"]) view.canvas.addEventListener(type, () => this.#redraw());
   }
 
   /** Take hold of a point under the pointer; null where there is none. */
@@ -167,6 +170,15 @@ export class AnnotationEditor {
     this.views[suggestion.role].canvas.focus();
   }
 
+  /** Mark the point under the cross in the middle, by keyboard; the other image is next. */
+  #set(role, event) {
+    if (event.key !== " " || !this.views[role].picture) return false;
+    this.#press(role, this.views[role].centre);
+    const pair = this.state.points[this.selected], other = role === "far" ? "near" : "far";
+    if (pair && !pair[other]) this.views[other].canvas.focus();
+    return true;
+  }
+
   #nudge(role, event) {
     const [dx, dy] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key] ?? [];
     const pair = this.state.points[this.selected];
@@ -197,9 +209,11 @@ export class AnnotationEditor {
   #nextTarget() {
     const left = this.#openTargets()[0];
     if (!left) return;
+    this.#select(null);
     const { near, far } = this.views, { homography } = this.state.agreement;
     near.lookAt(left.point, Math.max(near.fitScale * 2.5, near.scale));
     if (homography) far.lookAt(transform(homography, left.point), Math.max(far.scale, ENLARGED));
+    near.canvas.focus();
   }
 
   /** Target places without a marked point nearby; each marked point serves the one it is nearest to. */
@@ -247,6 +261,7 @@ export class AnnotationEditor {
       cross(context, view, suggestion.point, COLOURS.suggestion, { dash: [3, 3] });
     });
     if (agreement.homography && role === "far") this.#drawResiduals(context, view);
+    if (view.canvas.matches(":focus-visible")) cross(context, view, view.centre, COLOURS.target, { arm: 22 });
   }
 
   /** Where the fit puts each near point in the far image. */
@@ -321,7 +336,7 @@ export class AnnotationEditor {
     if (open >= 0) {
       const missing = this.state.points[open].far ? "near" : "far";
       const suggested = this.#suggestion(open) ? " Enter accepts the suggestion." : "";
-      return `Point ${open + 1}: now click the same place in the ${missing} image.${suggested}`;
+      return `Point ${open + 1}: now click the same place in the ${missing} image, or move it under the cross by arrow keys and press Space.${suggested}`;
     }
     const left = this.#openTargets();
     if (!left.length) return "Ten places are marked. Look at the errors, then export.";

@@ -35,8 +35,10 @@ async function request(path, options) {
   return response.status === 204 ? null : response.json();
 }
 
+/** Names of files keep their letters as they are. */
 function sentence(text) {
-  const upper = text.charAt(0).toUpperCase() + text.slice(1);
+  const [first] = text.split(/\s/, 1);
+  const upper = /^[a-z]+,?$/.test(first) ? text.charAt(0).toUpperCase() + text.slice(1) : text;
   return /[.!?]$/.test(upper) ? upper : `${upper}.`;
 }
 

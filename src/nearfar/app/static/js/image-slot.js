@@ -14,7 +14,7 @@ export class ImageSlot extends EventTarget {
     this.title = title;
     this.hint = hint;
     this.image = null;
-    this.input = h("input", { type: "file", accept: "image/*,.tif,.tiff,.ppm,.pgm", class: "visually-hidden", tabindex: "-1", "aria-label": `${title}: choose a file`,
+    this.input = h("input", { type: "file", accept: "image/*,.tif,.tiff,.ppm,.pgm,.jp2,.avif,.heic,.heif", class: "visually-hidden", tabindex: "-1", "aria-label": `${title}: choose a file`,
       onchange: () => this.input.files[0] && this.take(this.input.files[0]) });
     this.body = h("div", { class: "slot-body" });
     this.element = h("section", { class: "slot", "aria-label": title }, this.body, this.input);
@@ -32,7 +32,7 @@ export class ImageSlot extends EventTarget {
 
   /** Send a file to the server and show it. */
   async take(file) {
-    fill(this.body, h("div", { class: "slot-empty busy" }, h("span", { class: "spinner" }), h("p", {}, `Sending ${file.name}…`)));
+    this.#busy(`Sending ${file.name}…`);
     try {
       this.set(await sendImage(file));
     } catch (error) {
@@ -41,7 +41,8 @@ export class ImageSlot extends EventTarget {
   }
 
   /** Show an image of the server. */
-  async setRef(ref) {
+  async setRef(ref, name = "the image") {
+    this.#busy(`Reading ${name}…`);
     try {
       this.set(await imageInfo(ref));
     } catch (error) {
@@ -64,6 +65,10 @@ export class ImageSlot extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
+  #busy(text) {
+    fill(this.body, h("div", { class: "slot-empty busy" }, h("span", { class: "spinner" }), h("p", { role: "status" }, text)));
+  }
+
   async #mask() {
     const drawn = await drawMask(this.image, this.areas);
     if (drawn) this.set(this.image, drawn);
@@ -71,7 +76,7 @@ export class ImageSlot extends EventTarget {
 
   async #pick() {
     const chosen = await pickImage(this.title);
-    if (chosen) this.setRef(chosen.ref);
+    if (chosen) this.setRef(chosen.ref, chosen.name);
   }
 
   #empty(problem = "") {

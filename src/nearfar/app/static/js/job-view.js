@@ -65,6 +65,9 @@ export class Running {
     const stage = job.stage ? stageName(job.stage) : "Starting";
     if (this.stage.textContent !== stage) this.stage.textContent = stage;
     this.clock.textContent = formatSeconds(Math.max(0, Date.now() / 1000 - job.started));
+    const state = JSON.stringify([job.stage, job.stages, job.steps]);
+    if (state === this.state) return;
+    this.state = state;
     fill(this.stages, job.stages.map((each) => h("li", { class: each === job.stage ? "now" : "done" }, stageName(each))));
     fill(this.steps, job.steps.length > 0 && h("table", { class: "plain" },
       h("caption", {}, "Best so far"),
@@ -99,5 +102,5 @@ export function confidenceMeter(value) {
   const bar = h("span", { class: "meter-bar" });
   bar.style.width = `${Math.round(value * 100)}%`;
   const kind = value >= 0.9 ? "good" : value >= 0.5 ? "fair" : "low";
-  return h("span", { class: `meter ${kind}`, role: "img", "aria-label": `${Math.round(value * 100)} percent` }, bar);
+  return h("span", { class: `meter ${kind}`, role: "img", "aria-label": confidenceText(value) }, bar);
 }

@@ -18,9 +18,18 @@ const PAGES = {
 const main = document.getElementById("main");
 let leaving = new AbortController();
 
+/** A part of the address; one that is not encoded well stays as it is. */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
 /** Pages get the element to fill, the parts of the address, and a signal that they are left. */
 function show() {
-  const [name, ...parts] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  const [name, ...parts] = location.hash.replace(/^#\/?/, "").split("/").map(decoded);
   const page = Object.hasOwn(PAGES, name) ? name : "localize";
   leaving.abort();
   leaving = new AbortController();

@@ -185,9 +185,9 @@ export class PairViewer {
 
   #buildToolbar() {
     const canOverlay = Boolean(this.farFootprint), { data } = this;
-    const modes = h("div", { class: "segmented", role: "radiogroup", "aria-label": "View" },
+    const modes = h("div", { class: "segmented", role: "radiogroup", "aria-label": "View", onkeydown: (event) => this.#turn(event) },
       MODES.map(([mode, text]) => h("button", {
-        type: "button", role: "radio", "aria-checked": String(this.mode === mode), dataset: { mode },
+        type: "button", role: "radio", "aria-checked": String(this.mode === mode), dataset: { mode }, tabindex: this.mode === mode ? "0" : "-1",
         disabled: mode !== "side" && !canOverlay, onclick: () => this.setMode(mode),
         title: mode !== "side" && !canOverlay ? "Needs an outline of the near image in the far one" : "",
       }, text)));
@@ -218,6 +218,16 @@ export class PairViewer {
         iconButton("fit", "Show whole images (f)", () => this.fit()),
         iconButton("minus", "Zoom out", () => this.far.zoomBy(1 / 1.5)),
         iconButton("plus", "Zoom in", () => this.far.zoomBy(1.5))));
+  }
+
+  /** Arrow keys choose among the views, as in any group of radio buttons. */
+  #turn(event) {
+    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+    if (!step || !this.farFootprint) return;
+    event.preventDefault();
+    const names = MODES.map(([mode]) => mode);
+    this.setMode(names[(names.indexOf(this.mode) + step + names.length) % names.length]);
+    this.toolbar.querySelector(`[data-mode=${this.mode}]`).focus();
   }
 
   #toggle(name) {

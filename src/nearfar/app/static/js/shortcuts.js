@@ -39,7 +39,7 @@ export function showHelp() {
     h("h3", {}, title),
     h("dl", { class: "keys" }, shortcuts.map(({ label, what }) => [
       h("dt", {}, label.split(" ").map((key) => h("kbd", {}, key))), h("dd", {}, what)])));
-  dialog("Keyboard shortcuts", () => h("div", { class: "dialog-body" },
+  dialog("Keyboard shortcuts", () => h("div", { class: "dialog-body", tabindex: "0", role: "region", "aria-label": "List of shortcuts" },
     table(localTitle, local.filter((each) => each.what)),
     table("An image that has the focus", IMAGE_KEYS),
     table("Everywhere", GLOBAL)), "help");

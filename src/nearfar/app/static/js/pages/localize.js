@@ -114,7 +114,7 @@ function answerFacts(job, result, again, viewer) {
     facts([
       ["Scale change", found.scale_change && localized ? `${formatNumber(found.scale_change)}×` : "–"],
       ["Confidence", confidenceText(found.confidence), confidenceMeter(found.confidence)],
-      ["Matches that agree", `${found.inliers} of ${found.matches}`],
+      agreeing(result),
       masked(job.request) && ["Left out by masks", masked(job.request)],
       found.excluded && ["Left out as an overlay", `${found.excluded.matches} matches`],
       found.alternatives?.length > 0 && ["Places that fit as well", String(found.alternatives.length)],
@@ -148,6 +148,13 @@ function numbers(found) {
       h("table", { class: "matrix" }, h("tbody", {}, found.footprint.map((corner) => h("tr", {}, corner.map((value) => h("td", {}, value.toFixed(1)))))))],
     h("h3", {}, "Seconds"),
     h("table", { class: "matrix" }, h("tbody", {}, Object.entries(found.seconds).map(([stage, value]) => h("tr", {}, h("th", { scope: "row" }, stage), h("td", {}, value.toFixed(2)))))));
+}
+
+/** The matches of the step that the viewer shows: of a failure the best step. */
+function agreeing({ localization, steps }) {
+  const shown = steps.find((each) => each.answer) ?? steps[0];
+  if (!shown) return ["Matches that agree", `${localization.inliers} of ${localization.matches}`];
+  return [localization.status === "localized" ? "Matches that agree" : "Most that agree", `${shown.agreeing} of ${shown.matches}`];
 }
 
 /** How many areas of the images were left out, in words; empty where none was. */
