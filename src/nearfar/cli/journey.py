@@ -1,5 +1,6 @@
 """A journey of `nearfar map track`: its frames are followed, printed, kept and exported."""
 
+import math
 import sys
 import time as clock
 from collections import Counter
@@ -88,7 +89,8 @@ class Journey:
 
     def _tracker(self, map_: Map) -> AnyTracker:
         """Return a tracker of poses where the map and the camera give them, else of places."""
-        budget = BUDGET if self.budget is None else self.budget
+        live = BUDGET if self.follow is not None else math.inf
+        budget = live if self.budget is None else self.budget
         if self.intrinsics is None or len(map_.posed) < 2:
             return Tracker(map_, intrinsics=self.intrinsics, budget=budget)
         return PoseTracker(map_, intrinsics=self.intrinsics, budget=budget)
@@ -136,12 +138,19 @@ def _tracked(
         sys.stdout.write((state.to_json() if as_json else text) + "\n")
         sys.stdout.flush()
         if live:
-            after = "" if state.known else f" (a search may take {tracker.budget:g} s a frame)"
+            after = "" if state.known else _waiting(tracker.budget)
             sys.stderr.write(f"\r\033[K{text}{after}")
             sys.stderr.flush()
     if live:
         sys.stderr.write("\r\033[K")
     return spent
+
+
+def _waiting(budget: float) -> str:
+    """Return what a lost frame may cost."""
+    if math.isfinite(budget):
+        return f" (a search may take {budget:g} s a frame)"
+    return " (a search of the whole map takes seconds; --budget bounds it)"
 
 
 def _costs(spent: dict[Status, list[float]]) -> str:

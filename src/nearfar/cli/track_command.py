@@ -46,8 +46,9 @@ def track_command(
             undone, and in a georeferenced map it gives the height over the ground.
         fps: Images that were taken a second, 1 by default. Of a video, frames to take a second, by
             default all.
-        budget: Seconds that a frame may take, 3 by default. A longer search of the whole map goes
-            on beside the next frames. With inf each search is waited for.
+        budget: Seconds that a frame may take: 3 with --follow, else inf by default. A longer search
+            of the whole map goes on beside the next frames. With inf each search is waited for, so
+            that the results do not depend on the speed of the machine.
         as_json: Print one JSON object a line for each frame instead of text.
         save: Folder for track.jsonl, with a JSON object for each frame, and for the exports.
         export: Write the journey into the folder of --save as csv, geojson, geopackage, gpx, kitti,
