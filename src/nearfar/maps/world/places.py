@@ -35,7 +35,7 @@ STEP = 0.05
 """Share of the query's shorter side by which heading and resolution are measured."""
 
 GeoSource = Literal["raster", "drone", "photographs"]
-Source = Literal["model", "triangulation", "directions", "one image", "motion"]
+Source = Literal["model", "triangulation", "directions", "one image", "tracking", "motion"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +142,14 @@ class QueryPose:
             where the centre is known.
         source: "model": by points of the model; "triangulation": by points that several map images
             show; "directions": where the directions from several map images meet; "one image":
-            by one map image, which gives only a direction; "motion": predicted by a tracker.
+            by one map image, which gives only a direction; "tracking": by points of the map that a
+            tracker follows; "motion": predicted by a tracker.
         inliers: number of matches that agree with the pose.
         images: names of the map images that the pose was found with, the best first.
+        covariance: (6, 6) of (r_x, r_y, r_z, c_x, c_y, c_z) in the frame of the world; None where
+            the pose is not by points of the scene. The true rotation is `rotation` followed by a
+            turn about the vector r, in the world, by its length in radians; the true centre is
+            `translation` plus c.
     """
 
     world: str
@@ -154,6 +159,7 @@ class QueryPose:
     source: Source
     inliers: int
     images: tuple[str, ...]
+    covariance: NDArray[np.float64] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the pose as JSON values."""
@@ -167,13 +173,14 @@ class QueryPose:
             "source": self.source,
             "inliers": self.inliers,
             "images": list(self.images),
+            "covariance": None if self.covariance is None else self.covariance.tolist(),
         }
 
     @staticmethod
     def from_dict(content: Mapping[str, Any]) -> "QueryPose":
         """Return the pose that `to_dict` has written."""
         pose, direction = content["world_from_query"], content["direction"]
-        centre = pose["translation"]
+        centre, covariance = pose["translation"], content.get("covariance")
         return QueryPose(
             content["world"],
             np.array(pose["rotation"], np.float64),
@@ -182,6 +189,7 @@ class QueryPose:
             content["source"],
             int(content["inliers"]),
             tuple(content["images"]),
+            None if covariance is None else np.array(covariance, np.float64),
         )
 
 

@@ -3,23 +3,20 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import poselib
 from numpy.typing import NDArray
 
-from nearfar.arrays import Mask, Matrix3
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.intrinsics import CameraIntrinsics, Intrinsics
 from nearfar.maps.answers import MapAnswer
 from nearfar.maps.tables import MapImage
+from nearfar.maps.world.absolute_pose import absolute_pose
 from nearfar.maps.world.places import QueryPose, Source
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.scene import (
     ImageMatches,
     PosedImage,
-    ScenePoints,
     meeting_point,
     of_model,
     of_tracks,
@@ -95,12 +92,8 @@ def _matches(answer: MapAnswer, posed: PosedImage) -> ImageMatches:
 
 LARGEST_ERROR = 3.0
 """Largest reprojection error of an inlier, in pixels of the image at which matches were found."""
-LEAST_INLIERS = 12
-"""Least number of inliers of a pose."""
 LEAST_ANGLE = 5.0
 """Least angle in degrees between the directions from two map images that are intersected."""
-ITERATIONS = 10_000
-"""Largest number of RANSAC iterations."""
 
 
 def query_pose(
@@ -122,48 +115,19 @@ def query_pose(
     source: Source = "model" if any(len(each.posed.points) for each in same) else "triangulation"
     scene = of_model(same) if source == "model" else of_tracks(same)
     pixel = float(np.median([each.pixel for each in same]))
-    found = _absolute(scene, camera, LARGEST_ERROR * pixel, seed)
+    found = absolute_pose(scene, camera, pixel, LARGEST_ERROR, seed)
     if found is None:
         return _by_directions(same)
-    rotation, centre, inliers = found
     return QueryPose(
         same[0].posed.world,
-        rotation,
-        centre,
+        found.rotation,
+        found.centre,
         None,
         source,
-        int(inliers.sum()),
+        int(found.inliers.sum()),
         tuple(each.image for each in same),
+        found.covariance,
     )
-
-
-def _absolute(
-    scene: ScenePoints, camera: CameraIntrinsics, largest_error: float, seed: int
-) -> tuple[Matrix3, NDArray[np.float64], Mask] | None:
-    """Estimate rotation and centre of the query's camera in the world, and the inliers."""
-    if len(scene.points) < LEAST_INLIERS:
-        return None
-    pinhole = {
-        "model": "PINHOLE",
-        "width": 0,
-        "height": 0,
-        "params": [camera.fx, camera.fy, camera.cx, camera.cy],
-    }
-    options: dict[str, Any] = {
-        "max_reproj_error": largest_error,
-        "max_iterations": ITERATIONS,
-        "seed": seed,
-    }
-    origin = np.median(scene.points, axis=0)
-    pose, info = poselib.estimate_absolute_pose(
-        scene.query, scene.points - origin, pinhole, options
-    )
-    inliers = np.asarray(info["inliers"], np.bool_)
-    rotation = np.asarray(pose.R).T
-    centre = origin - rotation @ np.asarray(pose.t)
-    if inliers.sum() < LEAST_INLIERS or not np.isfinite(centre).all():
-        return None
-    return rotation, centre, inliers
 
 
 def _by_directions(matches: Sequence[ImageMatches]) -> QueryPose | None:
