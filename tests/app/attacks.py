@@ -145,6 +145,12 @@ ATTACKS = {
     "settings that are not offered": job(
         kind="localize", far=f"{ROOT}/near.png", near=f"{ROOT}/near.png", weights={"nearfar": "x"}
     ),
+    "a matcher that names code": job(
+        kind="localize",
+        far=f"{ROOT}/near.png",
+        near=f"{ROOT}/near.png",
+        matcher="python:os.system",
+    ),
     "a job on files outside": job(kind="localize", far="/etc/passwd", near=f"{ROOT}/../secret.png"),
     "a map outside": job(kind="locate", folder="folder/../..", query=f"{ROOT}/near.png"),
     "a job of an unknown kind": job(kind="shell", command="id"),

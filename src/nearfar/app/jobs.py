@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from nearfar.app.choices import Device, MatcherName
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
 from nearfar.app.process import Areas, Message
@@ -31,6 +32,8 @@ class LocalizeRequest(Message):
         near: the near image.
         model: kind of model.
         max_effort: the last step to try.
+        matcher: what matches where SIFT is not enough; see `Settings`.
+        device: where a learned matcher runs; see `Settings`.
         far_mask: areas of the far image that are left out.
         near_mask: areas of the near image that are left out.
     """
@@ -40,6 +43,8 @@ class LocalizeRequest(Message):
     near: Reference
     model: Literal["homography", "fundamental"] = "homography"
     max_effort: Effort = "views"
+    matcher: MatcherName = "sift"
+    device: Device = "auto"
     far_mask: Areas = ()
     near_mask: Areas = ()
 

@@ -40,6 +40,8 @@ class LocalizePair(Message):
         near: file of the near image.
         model: kind of model to estimate.
         max_effort: see `Settings`.
+        matcher: see `Settings`.
+        device: see `Settings`.
         max_pixels: see `Settings`.
         result: file to write the answer to.
         matches: file to write all matched points to.
@@ -54,6 +56,8 @@ class LocalizePair(Message):
     near_mask: Areas = ()
     model: Literal["homography", "fundamental"]
     max_effort: Effort
+    matcher: str
+    device: str
     max_pixels: int
     result: Path
     matches: Path

@@ -138,6 +138,8 @@ class Runner:
                 near=library.file(request.near),
                 model=request.model,
                 max_effort=request.max_effort,
+                matcher=request.matcher,
+                device=request.device,
                 max_pixels=max_pixels,
                 result=result,
                 matches=self._store.matches_file(job),

@@ -66,7 +66,12 @@ class Worker:
             return Ended(error=f"{type(error).__name__}: {error}")
 
     def _localize(self, task: LocalizePair) -> Ended:
-        settings = Settings(max_effort=task.max_effort, max_pixels=task.max_pixels)
+        settings = Settings(
+            max_effort=task.max_effort,
+            matcher=task.matcher,
+            device=task.device,
+            max_pixels=task.max_pixels,
+        )
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._notify_stage, self._notify_step)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Response
 
 import nearfar
+from nearfar.app.choices import Choice, devices, matchers
 from nearfar.app.configuration import MEGABYTE
 from nearfar.app.errors import ConflictError
 from nearfar.app.formats import KeptAnswer, image_names, kept_localization
@@ -104,6 +105,8 @@ class About:
         maps: reason why maps cannot be searched; None where they can.
         upload_megabytes: size of the largest image that can be sent.
         efforts: values of `max_effort`, the least effort first.
+        matchers: the matchers, and what to install for those that cannot be used.
+        devices: the devices that a learned matcher may use.
     """
 
     version: str
@@ -111,10 +114,12 @@ class About:
     maps: str | None
     upload_megabytes: float
     efforts: tuple[str, ...]
+    matchers: tuple[Choice, ...]
+    devices: tuple[str, ...]
 
 
 @router.get("/about")
-async def about(held: Held) -> About:
+def about(held: Held) -> About:
     """Return what the app can do."""
     configuration, missing = held.configuration, None
     try:
@@ -122,7 +127,8 @@ async def about(held: Held) -> About:
     except MissingExtraError as error:
         missing = str(error)
     upload = configuration.limits.upload_bytes / MEGABYTE
-    return About(nearfar.__version__, len(configuration.folders), missing, upload, EFFORTS)
+    offered = EFFORTS, matchers(), devices()
+    return About(nearfar.__version__, len(configuration.folders), missing, upload, *offered)
 
 
 @router.get("/runs")

@@ -2,7 +2,9 @@
 
 import { imageInfo, loadPicture, pictureAddress } from "./api.js";
 import { CanvasView } from "./canvas-view.js";
+import { Divider } from "./divider.js";
 import { h, iconButton, refill } from "./dom.js";
+import { drawEpipolarLines, epipolarError } from "./epipolar.js";
 import { bounds, distance, footprint, transform } from "./geometry.js";
 import { Linked } from "./linked.js";
 import { COLOURS, areas, box, cross, dots, polygon, ring, topEdge, unverified } from "./marks.js";
@@ -30,7 +32,8 @@ function dotRadius(view, points) {
  * @property {{far: number[], near: number[], similarity: number}[]} landmarks
  * @property {number|null} scaleChange
  * @property {{far: number[][][], near: number[][][]}} [masks] areas that were left out
- * @property {number[][][]} [candidates] homographies of places that nothing confirms
+ * @property {number[][][]} [candidates] homographies of other places, which nothing confirms
+ * @property {number[][]|null} [fundamental] matrix F of an epipolar geometry: far·F·near = 0
  */
 export class PairViewer {
   constructor() {
@@ -39,20 +42,15 @@ export class PairViewer {
     this.linked = new Linked(this.far, this.near);
     this.card = new MatchCard();
     this.lines = h("canvas", { class: "lines", "aria-hidden": "true" });
-    this.divider = h("div", {
-      class: "divider", role: "slider", tabindex: "0", hidden: true, "aria-label": "Swipe position",
-      "aria-valuemin": "0", "aria-valuemax": "100", "aria-orientation": "horizontal",
-    });
     this.farPane = h("figure", { class: "pane" }, h("figcaption", {}, h("b", {}, "Far"), this.farName = h("span", {})), this.far.element);
     this.nearPane = h("figure", { class: "pane" }, h("figcaption", {}, h("b", {}, "Near"), this.nearName = h("span", {})), this.near.element);
-    this.far.element.append(this.divider);
+    this.divider = new Divider(this.far.element, () => this.far.redraw());
     this.stage = h("div", { class: "stage" }, this.farPane, this.nearPane, this.lines, this.card.element);
     this.toolbar = h("div", { class: "toolbar", role: "toolbar", "aria-label": "How the images are shown" });
     this.element = h("section", { class: "viewer", "aria-label": "Image viewer" }, this.toolbar, this.stage);
     this.mode = "side";
-    this.state = { outline: true, agrees: true, differs: false, landmarks: false, lines: false };
+    this.state = { epipolar: true, outline: true, agrees: true, differs: false, landmarks: false, lines: false };
     this.opacity = 60;
-    this.swipe = 0.5;
     this.step = null;
     this.highlight = null;
     this.candidates = [];
@@ -63,7 +61,6 @@ export class PairViewer {
       view.addEventListener("hover", (event) => this.#hover(view, event.detail));
       view.addEventListener("drawn", () => this.#drawLines());
     }
-    this.#listenToDivider();
   }
 
   /** @param {PairData} data */
@@ -111,7 +108,7 @@ export class PairViewer {
     this.mode = mode;
     this.stage.dataset.mode = mode;
     this.nearPane.hidden = mode !== "side";
-    this.divider.hidden = mode !== "swipe";
+    this.divider.element.hidden = mode !== "swipe";
     this.#buildToolbar();
     if (mode !== "side") {
       this.#loadOverlay();
@@ -207,6 +204,7 @@ export class PairViewer {
     refill(this.toolbar, modes, mixing,
       h("div", { class: "checks" },
         canOverlay && check("outline", "Outline", true),
+        data.fundamental && check("epipolar", "Epipolar lines"),
         this.mode === "side" && chosen && check("agrees", `Agree (${agreeing})`, true),
         this.mode === "side" && chosen && check("differs", `Differ (${total - agreeing})`, true),
         this.mode === "side" && chosen && check("lines", "Lines"),
@@ -242,7 +240,7 @@ export class PairViewer {
   }
 
   #mix(change) {
-    if (this.mode === "swipe") this.#setSwipe(this.swipe - change / 200);
+    if (this.mode === "swipe") this.divider.set(this.divider.share - change / 200);
     this.opacity = Math.min(100, Math.max(0, this.opacity + change));
     this.#buildToolbar();
     this.#redraw();
@@ -264,6 +262,7 @@ export class PairViewer {
     }
     if (this.mode === "side") areas(context, view, this.data.masks?.far ?? []);
     unverified(context, view, this.candidates, this.chosenCandidate);
+    this.#drawEpipolar(context, view, "far");
     if (this.state.outline && this.farFootprint) {
       polygon(context, view, this.farFootprint);
       topEdge(context, view, this.farFootprint);
@@ -275,9 +274,18 @@ export class PairViewer {
   #drawNear(context, view) {
     const chosen = this.#chosen();
     areas(context, view, this.data.masks?.near ?? []);
+    this.#drawEpipolar(context, view, "near");
     if (chosen) this.#drawMatches(context, view, chosen.near, chosen.inliers);
     if (this.state.landmarks) this.#drawLandmarks(context, view, "near");
     this.#drawHover(context, view, "near");
+  }
+
+  #drawEpipolar(context, view, role) {
+    const { fundamental } = this.data, { match, under } = this.highlight ?? {};
+    if (!fundamental || !this.state.epipolar || this.mode !== "side") return;
+    const other = role === "far" ? "near" : "far";
+    const pointer = match?.[other] ?? (under && under.view !== view ? under.point : null);
+    drawEpipolarLines(context, view, fundamental, role, this.#chosen(), pointer);
   }
 
   #drawOverlay(context, view) {
@@ -285,7 +293,7 @@ export class PairViewer {
     context.globalAlpha = this.mode === "blend" ? this.opacity / 100 : 1;
     if (this.mode === "swipe") {
       context.beginPath();
-      context.rect(this.swipe * view.width, 0, view.width, view.height);
+      context.rect(this.divider.share * view.width, 0, view.width, view.height);
       context.clip();
     }
     view.place(context, this.overlay.picture, this.overlay.box);
@@ -322,9 +330,9 @@ export class PairViewer {
 
   #under(view, point) {
     const role = view === this.far ? "far" : "near", reach = NEAREST / view.scale;
-    const ghostPoint = this.linked.other(view, point);
+    const under = { view, point }, ghostPoint = this.linked.other(view, point);
     const ghost = ghostPoint && { view: view === this.far ? this.near : this.far, point: ghostPoint };
-    const found = { ghost, match: this.mode === "side" ? this.#nearestMatch(role, point, reach) : null };
+    const found = { ghost, under, match: this.mode === "side" ? this.#nearestMatch(role, point, reach) : null };
     if (this.state.landmarks) {
       const areas = this.data.landmarks.map((each, i) => [each[role], i]).filter(([[x, y, w, h]]) =>
         point[0] >= x && point[1] >= y && point[0] <= x + w && point[1] <= y + h);
@@ -345,8 +353,9 @@ export class PairViewer {
     if (best < 0) return null;
     const far = chosen.far[best], near = chosen.near[best], agrees = Boolean(chosen.inliers[best]);
     const { homography } = this.data;
-    const error = homography && distance(far, transform(homography, near));
-    const off = error === null ? "" : `, ${error < 100 ? error.toFixed(1) : Math.round(error)} far pixels off`;
+    const { fundamental } = this.data;
+    const error = homography ? distance(far, transform(homography, near)) : fundamental ? epipolarError(fundamental, far, near) : null;
+    const off = error === null ? "" : `, ${error < 100 ? error.toFixed(1) : Math.round(error)} far pixels ${homography ? "off" : "from its line"}`;
     return { far, near, agrees, text: `${agrees ? "Agrees" : "Does not agree"}${off}` };
   }
 
@@ -357,29 +366,5 @@ export class PairViewer {
       : chosen.far.map((_, i) => i).filter((i) => (chosen.inliers[i] ? this.state.agrees : this.state.differs));
     const thin = shown.map((i) => ({ far: chosen.far[i], near: chosen.near[i], agrees: Boolean(chosen.inliers[i]) }));
     drawMatchLines(this.lines, this.far, this.near, thin, chosen && match ? match : null);
-  }
-
-  #setSwipe(share) {
-    this.swipe = Math.min(1, Math.max(0, share));
-    this.divider.style.left = `${this.swipe * 100}%`;
-    this.divider.setAttribute("aria-valuenow", Math.round(this.swipe * 100));
-    this.far.redraw();
-  }
-
-  #listenToDivider() {
-    const { divider } = this;
-    this.#setSwipe(0.5);
-    divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
-    divider.addEventListener("pointermove", (event) => {
-      if (!divider.hasPointerCapture(event.pointerId)) return;
-      const frame = this.far.element.getBoundingClientRect();
-      this.#setSwipe((event.clientX - frame.left) / frame.width);
-    });
-    divider.addEventListener("keydown", (event) => {
-      const step = { ArrowLeft: -0.02, ArrowRight: 0.02, Home: -1, End: 1 }[event.key];
-      if (!step) return;
-      this.#setSwipe(this.swipe + step);
-      event.preventDefault();
-    });
   }
 }

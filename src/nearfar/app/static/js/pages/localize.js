@@ -6,6 +6,8 @@ import { exportButton } from "../export-menu.js";
 import { ImageSlot } from "../image-slot.js";
 import { showJob } from "../job-page.js";
 import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-view.js";
+import { matcherChoice } from "../matcher-choice.js";
+import { offers } from "../offers.js";
 import { PairViewer } from "../pair-viewer.js";
 import { setShortcuts } from "../shortcuts.js";
 import { effortName, stepName } from "../wording.js";
@@ -16,18 +18,19 @@ export async function localizePage(main, [id], signal) {
 }
 
 async function start(main) {
-  const { efforts } = await get("/api/about");
+  const { efforts, matchers, devices } = await get("/api/about");
   const slots = pairOfSlots(true);
   const model = h("select", { id: "model" },
     h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
     h("option", { value: "fundamental" }, "Scene with depth"));
   const effort = h("select", { id: "effort" }, efforts.reverse().map((value) => h("option", { value }, effortName(value))));
+  const choice = matcherChoice(matchers, devices);
   const go = h("button", { type: "button", class: "primary large", disabled: true, id: "localize", onclick: () => submit() }, "Localize");
   const submit = async () => {
     if (go.disabled) return;
     go.disabled = true;
     try {
-      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value, far_mask: slots.far.areas, near_mask: slots.near.areas });
+      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value, ...choice.chosen, far_mask: slots.far.areas, near_mask: slots.near.areas });
       location.hash = `#/localize/${job.id}`;
     } catch (error) {
       toast(error.message, "error");
@@ -48,6 +51,7 @@ async function start(main) {
       h("label", { class: "field", for: "model" }, "What the images show", model),
       h("label", { class: "field", for: "effort" }, "How much to try", effort),
       go),
+    choice.element,
     recent);
   showRecent(recent);
 }
@@ -97,7 +101,8 @@ function answer(job, signal, again) {
       far: job.request.far, near: job.request.near, homography: found.far_from_near?.homography ?? null,
       steps: result.steps, landmarks: result.landmarks, scaleChange: found.scale_change,
       masks: { far: job.request.far_mask ?? [], near: job.request.near_mask ?? [] },
-      candidates: (found.candidates ?? []).map((each) => each.homography),
+      candidates: otherPlaces(found).map((each) => each.homography),
+      fundamental: found.far_from_near?.fundamental ?? null,
     });
   }).catch((error) => fill(element, notice("The answer cannot be read", error.message, h("button", { type: "button", class: "primary", onclick: again }, "Start again"), "bad")));
   return element;
@@ -110,14 +115,16 @@ function answerFacts(job, result, again, viewer) {
     localized ? h("p", { class: "verdict good" }, icon("check"), "Found") : h("div", { class: "verdict-block" },
       h("p", { class: "verdict warn" }, icon("alert"), "Not found"), h("p", {}, result.explanation),
       h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, found.reason)),
-      unverifiedPlaces(found.candidates ?? [], viewer)),
+      unverifiedPlaces(found.candidates ?? [], viewer, (found.alternatives ?? []).length)),
+    offers(job.request, found),
+    alternatives(found.alternatives ?? [], viewer),
     facts([
       ["Scale change", found.scale_change && localized ? `${formatNumber(found.scale_change)}×` : "–"],
       ["Confidence", confidenceText(found.confidence), confidenceMeter(found.confidence)],
       agreeing(result),
       masked(job.request) && ["Left out by masks", masked(job.request)],
       found.excluded && ["Left out as an overlay", `${found.excluded.matches} matches`],
-      found.alternatives?.length > 0 && ["Places that fit as well", String(found.alternatives.length)],
+      job.request.matcher && job.request.matcher !== "sift" && ["Matcher", job.request.matcher],
       localized && found.step && ["Found by", stepName(found.step)],
       ["Time", formatSeconds(total)],
     ]),
@@ -130,13 +137,29 @@ function answerFacts(job, result, again, viewer) {
   ];
 }
 
+/** Places beside the answer, in the order in which the viewer numbers them. */
+const otherPlaces = (found) => [...(found.alternatives ?? []), ...(found.candidates ?? [])];
+
+function placeButton(viewer, index, text) {
+  return h("button", { type: "button", class: "rank", onclick: () => viewer.zoomToCandidate(index) },
+    h("b", {}, String(index + 1)), h("span", { class: "rank-name" }, text));
+}
+
+/** Places that explain the near image nearly as well as the answer: listed, and drawn dashed. */
+function alternatives(places, viewer) {
+  if (!places.length) return null;
+  return h("section", { class: "unverified" }, h("h3", {}, "Places that fit nearly as well"),
+    h("p", { class: "quiet small" }, "The confidence is shared among them and the answer."),
+    h("div", { class: "ranks" }, places.map((each, i) => placeButton(viewer, i, `${Math.round(100 * each.score)}% of the points of the answer`))));
+}
+
 /** Places that were tried and not accepted: listed, and drawn dashed. */
-function unverifiedPlaces(candidates, viewer) {
+function unverifiedPlaces(candidates, viewer, before) {
   if (!candidates.length) return null;
   return h("section", { class: "unverified" }, h("h3", {}, "Unverified places"),
     h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."),
-    h("div", { class: "ranks" }, candidates.map((each, i) => h("button", { type: "button", class: "rank", onclick: () => viewer.zoomToCandidate(i) },
-      h("b", {}, String(i + 1)), h("span", { class: "rank-name" }, each.score === null ? "not compared" : `${Math.round(100 * each.score)}% looks alike`)))));
+    h("div", { class: "ranks" }, candidates.map((each, i) =>
+      placeButton(viewer, before + i, each.score === null ? "not compared" : `${Math.round(100 * each.score)}% looks alike`))));
 }
 
 function numbers(found) {
