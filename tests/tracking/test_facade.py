@@ -31,14 +31,22 @@ def facade(pictures: Callable[[str], RGBPixels]) -> RGBPixels:
 
 
 @pytest.fixture(scope="module")
-def states(
-    pictures: Callable[[str], RGBPixels], tmp_path_factory: pytest.TempPathFactory
-) -> list[tuple[float, TrackState]]:
-    """The true x and the state of each frame."""
-    folder: Path = tmp_path_factory.mktemp("facade")
-    wall = facade(pictures)
+def wall(pictures: Callable[[str], RGBPixels]) -> RGBPixels:
+    return facade(pictures)
+
+
+@pytest.fixture(scope="module")
+def folder(wall: RGBPixels, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a map of the facade."""
+    folder = tmp_path_factory.mktemp("facade")
     write(folder / "wall.png", wall)
     open_map(folder / "map", create=True).add([folder / "wall.png"])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def states(wall: RGBPixels, folder: Path) -> list[tuple[float, TrackState]]:
+    """The true x and the state of each frame."""
     found = []
     with Tracker(open_map(folder / "map"), budget=math.inf) as tracker:
         for index, x in enumerate(np.arange(75, wall.shape[1] - 45, 14)):
@@ -53,3 +61,19 @@ def test_path_along_equal_windows_is_followed(states: list[tuple[float, TrackSta
         at = state.far_from_near @ [*CENTRE, 1]
         assert at[0] / at[2] == pytest.approx(x, abs=3), (x, state.step)
     assert sum(state.known for _, state in states) >= 0.9 * len(states)
+
+
+def test_equal_windows_are_hypotheses_until_frames_decide(wall: RGBPixels, folder: Path) -> None:
+    """The camera flies from the middle of the windows back to the unique start."""
+    found = []
+    with Tracker(open_map(folder / "map"), budget=math.inf) as tracker:
+        for index, x in enumerate(np.arange(START + 1.2 * PERIOD, 70, -20)):
+            frame, _ = seen(wall, float(x), 62, 0.02)
+            found.append((float(x), tracker.update(frame, index / 10)))
+    first, (x, last) = found[0][1], found[-1]
+    assert first.hypotheses > 1
+    assert first.confidence < 0.5
+    assert last.hypotheses == 1
+    assert last.far_from_near is not None
+    at = last.far_from_near @ [*CENTRE, 1]
+    assert at[0] / at[2] == pytest.approx(x, abs=3)
