@@ -6,7 +6,8 @@ The facade begins with the photograph START. A row of equal windows, each the ph
 follows it. Frames of 640x480 pixels show it at twice its resolution, about one and a half windows
 each, with blur, another exposure and noise. The camera flies from the start to the last window.
 The output has the frames whose centre is within 3 map pixels of its true place, the first frame
-that is a window off, and the same of every tenth frame located alone.
+that is a window off, and the same of every tenth frame located alone. The path is drawn in the
+folder, as `path.png`.
 """
 
 import argparse
@@ -23,7 +24,8 @@ import nearfar
 from flight import SIZE, disturbed, homography
 from nearfar.arrays import RGBPixels
 from nearfar.imaging.image import read_image
-from nearfar.tracking import Tracker
+from nearfar.tracking import Tracker, TrackState
+from nearfar.tracking.picture import path_picture
 
 HEIGHT, PERIOD, WINDOWS, START = 320, 220, 16, 420
 STEP = 36.0
@@ -53,6 +55,7 @@ def main() -> None:
     parser.add_argument("start", type=Path)
     parser.add_argument("window", type=Path)
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--alone", type=int, default=10, help="most frames to locate alone")
     asked = parser.parse_args()
     shutil.rmtree(asked.out, ignore_errors=True)
     asked.out.mkdir(parents=True)
@@ -63,6 +66,7 @@ def main() -> None:
     rng = np.random.default_rng(0)
     rows: list[dict[str, Any]] = []
     alone: list[float | None] = []
+    states: list[TrackState] = []
     with Tracker(map_, budget=float("inf")) as tracker:
         for index, x in enumerate(np.arange(180.0, facade.shape[1] - 170, STEP)):
             y = HEIGHT / 2 + 20 * np.sin(index / 9)
@@ -73,12 +77,14 @@ def main() -> None:
             )
             frame = disturbed(np.asarray(seen), rng)
             state = tracker.update(frame, index / 10)
+            states.append(state)
             apart = None if state.far_from_near is None else off(state.far_from_near, float(x), y)
             rows.append({"x": float(x), "status": state.status, "off": apart})
-            if index % ALONE_EACH == 0:
+            if index % ALONE_EACH == 0 and len(alone) < asked.alone:
                 found = map_.locate(frame)
                 best = found.answers[0].far_from_near if found.answers else None
                 alone.append(None if best is None else off(np.asarray(best), float(x), y))
+    path_picture(map_, states, asked.out / "path.png")
     (asked.out / "frames.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     astray = [k for k, row in enumerate(rows) if row["off"] is None or row["off"] > PERIOD / 2]
     summary = {
