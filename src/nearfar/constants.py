@@ -8,13 +8,13 @@ import json
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-DIGEST_OF_0_1_0 = "e8eccb9b0d39"
-"""Hash of the constants of version 0.1.0, which its results do not record."""
+DIGEST_OF_0_1_0 = "5a637cb32cdb"
+"""Hash of the other constants, which are those of version 0.1.0 and are not recorded."""
 ADDED = (
-    "refinement", "agreement", "overlay", "form", "ambiguity", "candidates", "learned",
-    "uncertainty", "plane",
+    "search", "zoom", "alignment", "views", "refinement", "agreement", "overlay", "form",
+    "ambiguity", "candidates", "learned", "uncertainty", "plane",
 )  # fmt: skip
-"""Steps that version 0.1.0 did not have."""
+"""Steps that version 0.1.0 did not have, or had with other constants."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +129,8 @@ class SearchConstants:
     """Largest number of pixels of a pyramid level."""
     largest_enlarged: float = 3.2
     """Scale of the largest upsampled level, for places a few dozen pixels large."""
+    enlarged_per_octave: int = 2
+    """Upsampled levels from one scale to half of it; the most expensive ones."""
     most_enlarged_pixels: int = 12_000_000
     """Largest number of pixels of an upsampled pyramid level."""
     peak_distance: float = 0.25
@@ -170,19 +172,44 @@ class ZoomConstants:
     """Far pixels around the expected region, as a share of its longest side."""
     least_side: int = 8
     """Shorter side of a region below which it is not compared, in far pixels."""
+    preview_side: float = 320.0
+    """Longest side of the frame of a preview, in pixels."""
+    least_preview: float = 1.25
+    """Longest side of the full frame above which there is a preview, in frames of a preview."""
+    preview_points: int = 1000
+    """Keypoints of a preview, those of the highest contrast."""
+    preview_scales: int = 3
+    """Scales from one to half of it at which the keypoints of the near image are detected."""
+    clear_preview: float = -6.0
+    """Significance of a preview below which the hypothesis is zoomed in on at once. In 18 pairs
+    that late steps decide, or none, wrong places have 0.6 or more. Correct ones have -23 or less,
+    and in three pairs of EVD 0 to -3."""
+    least_clear_preview: float = 3.0
+    """Significance of a preview above which the hypothesis is not zoomed in on."""
+    after_preview: int = 2
+    """Hypotheses of a batch between these limits that are zoomed in on, the best ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AlignmentConstants:
     """Alignment: search hypotheses refined to affine transforms with fine features."""
 
-    first_frames: tuple[tuple[int, float], ...] = ((128, 40.0), (192, 56.0))
+    first_frame: tuple[int, float] = (128, 40.0)
     """Longest side of the near image, and the distance within which a cell is matched, both in
-    pixels of the frame: one pass over all hypotheses each."""
+    pixels of the frame: the first pass over all hypotheses..."""
+    wide_frame: tuple[int, float] = (192, 56.0)
+    """...another pass over the best of them, from where they began..."""
     later_frames: tuple[tuple[int, float], ...] = ((160, 32.0), (192, 24.0))
-    """The frames that refine the best of a first pass, one after the other."""
-    kept: int = 40
-    """Hypotheses that each first pass keeps."""
+    """...and the frames that refine the best of both passes, one after the other."""
+    again: int = 30
+    """Hypotheses with most agreement in the first pass that the wide one takes."""
+    kept_first: int = 40
+    """Hypotheses that the first pass keeps. A correct one was among its first 20 in each of four
+    pairs that alignment decides."""
+    kept_wide: int = 20
+    """Hypotheses that the wide pass keeps."""
+    kept_later: int = 30
+    """Hypotheses that each later frame keeps."""
     least_similarity: float = 0.2
     """Cosine similarity above which two cells match."""
     least_cells: int = 6
@@ -201,11 +228,12 @@ class AlignmentConstants:
 class ViewConstants:
     """Simulated views (ASIFT; Morel and Yu, 2009) of both images."""
 
-    longest_side: int = 640
-    """Images are reduced to this longest side first, in pixels."""
+    longest_sides: tuple[int, ...] = (640, 400)
+    """Longest side of the images that the first and the added views are made of, in pixels. With
+    480 for the first views, the pair `girl` of EVD is lost, which views decide."""
     contrast: float = 0.02
     """SIFT's contrast threshold."""
-    points_per_view: int = 800
+    points_per_view: tuple[int, ...] = (800, 500)
     """Keypoints of a view, those of the highest contrast."""
     ratio: float = 0.85
     """Ratio test against the next keypoint outside `fginn_radius`."""

@@ -143,35 +143,42 @@ def align(
     """
     if not sought:
         return []
-    first, then = (
-        [Frame(near, descriptor, features, side, reach, constants) for side, reach in frames]
-        for frames in (constants.first_frames, constants.later_frames)
+    best_first = sorted(sought, key=lambda each: -each.support)
+    origins = distinct(best_first, near.size, len(best_first))
+    first, wide, *later = (
+        Frame(near, descriptor, features, *each, constants)
+        for each in (constants.first_frame, constants.wide_frame, *constants.later_frames)
     )
-    found = []
-    for frame in first:
-        begun = [(_near(frame.aligned(far, each), each, constants), each) for each in sought]
-        moved = [(each, origin) for each, origin in begun if each is not None]
-        moved.sort(key=lambda pair: -pair[0].support)
-        found += [_finished(far, *pair, then, constants) for pair in moved[: constants.kept]]
-    best = sorted((each for each in found if each is not None), key=lambda each: -each.support)
-    return distinct(best, near.size, len(best))
+    moved = _aligned(far, [(each, each) for each in origins], first, constants)
+    again = [(origin, origin) for _, origin in moved[: constants.again]]
+    moved = [
+        *moved[: constants.kept_first],
+        *_aligned(far, again, wide, constants)[: constants.kept_wide],
+    ]
+    for frame in later:
+        moved = _aligned(far, moved, frame, constants)[: constants.kept_later]
+    found = [replace(each, support=later[-1].similarity(far, each)) for each, _ in moved]
+    found.sort(key=lambda each: -each.support)
+    return distinct(found, near.size, len(found))
 
 
-def _finished(
+def _aligned(
     far: MaskedImage,
-    start: Hypothesis,
-    origin: Hypothesis,
-    frames: Sequence[Frame],
+    begun: Sequence[tuple[Hypothesis, Hypothesis]],
+    frame: Frame,
     constants: AlignmentConstants,
-) -> Hypothesis | None:
-    """Refine a hypothesis in the later frames; its support is its similarity."""
-    moved = start
-    for frame in frames:
-        following = _near(frame.aligned(far, moved), origin, constants)
-        if following is None:
-            return None
-        moved = following
-    return replace(moved, support=frames[-1].similarity(far, moved))
+) -> list[tuple[Hypothesis, Hypothesis]]:
+    """Align hypotheses in a frame; return those of a similar shape with their origins, best first.
+
+    Args:
+        far: the far image.
+        begun: hypotheses and the hypotheses of the search that they were.
+        frame: the frame.
+        constants: of the alignment.
+    """
+    moved = [(_near(frame.aligned(far, each), origin, constants), origin) for each, origin in begun]
+    kept = [(each, origin) for each, origin in moved if each is not None]
+    return sorted(kept, key=lambda pair: -pair[0].support)
 
 
 def _near(

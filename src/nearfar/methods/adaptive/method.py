@@ -25,6 +25,7 @@ from nearfar.methods.adaptive.checks import Checks
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.paced import PacedDescriptor
 from nearfar.methods.adaptive.pair import AdaptiveFeatures, Pair, matched_landmarks, notify
+from nearfar.methods.adaptive.preview import Preview, worth_zooming
 from nearfar.methods.adaptive.search import Pyramid, Template, pyramid, search, templates, upsampled
 from nearfar.methods.adaptive.second import SecondHypothesis, SecondMatcher
 from nearfar.methods.adaptive.simulated_views import ALL_AROUND, from_views, view_keypoints
@@ -148,16 +149,37 @@ class Adaptive:
     def _by_homography(self, pair: Pair, best: Attempt) -> Attempt:
         """Return the first attempt that is significant enough, or the best of all."""
         with pair.timer.bounded():
+            preview = Preview(pair.far.image, pair.near.image, self._constants.zoom)
             for batch in self._hypotheses(pair, best):
-                for hypothesis in batch:
+                pair.tried.extend(each for each in batch if each.source in PROPOSED)
+                for hypothesis in self._worth_zooming(pair, batch, preview):
+                    best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
                     if pair.enough(best):
                         return best
-                    if hypothesis.source in PROPOSED:
-                        pair.tried.append(hypothesis)
-                    best = min(best, self._try(pair, hypothesis), key=lambda each: each.log10_nfa)
                 if pair.enough(best):  # Else the next batch is computed.
                     break
         return best
+
+    def _worth_zooming(
+        self, pair: Pair, batch: Sequence[Hypothesis], preview: Preview
+    ) -> Iterator[Hypothesis]:
+        """Yield the hypotheses of a batch that a preview does not speak against."""
+
+        def significance(hypothesis: Hypothesis) -> float | None:
+            seen = isinstance(hypothesis, SecondHypothesis) or hypothesis.source == "expected"
+            if seen or not self._zooms(hypothesis.source):
+                return None
+            with pair.timer.stage("zoom"):
+                matched = preview.matches(hypothesis)
+            if matched is None:
+                return None
+            with pair.timer.stage("estimation"):
+                limits = self._constants.acceptance
+                step, size = hypothesis.source, pair.far.size
+                found = attempt([matched], pair.task, self._estimator, size, step, constants=limits)
+            return found.log10_nfa
+
+        return worth_zooming(batch, significance, self._constants.zoom)
 
     def _try(self, pair: Pair, hypothesis: Hypothesis) -> Attempt:
         """Match under a hypothesis, and again under the model found if that is promising."""
@@ -309,10 +331,10 @@ class Adaptive:
             )
         yield affine[: ladder.from_alignment]
         seen: list[tuple[Keypoints, Keypoints]] = []
-        for views in ALL_AROUND:
+        for part, views in enumerate(ALL_AROUND):
             with timer.stage("views"):
                 both_seen = [
-                    view_keypoints(each.image, views, constants.views) for each in (far, near)
+                    view_keypoints(each.image, views, constants.views, part) for each in (far, near)
                 ]
                 seen.append((both_seen[0], both_seen[1]))
                 found = from_views(seen, self._local, constants.views)

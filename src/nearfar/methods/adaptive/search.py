@@ -102,12 +102,15 @@ def upsampled(
     constants: SearchConstants = DEFAULT.search,
 ) -> Pyramid:
     """Return the upsampled levels of an image's pyramid; each costs more than that whole one."""
+    if not base.levels:
+        return base
     width, height = image.size
-    first, ratio = _scales(height, width, constants)[0], _level_ratio(constants)
+    first = _scales(height, width, constants)[0]
     most = math.sqrt(constants.most_enlarged_pixels / (height * width))
     largest = min(constants.largest_enlarged, most)
-    steps = range(1, 1 + math.floor(math.log(largest / first, ratio) + 1e-6)) if base.levels else ()
-    levels = [_level(image, first * ratio**step, descriptor, base.basis) for step in steps]
+    ratio = _level_ratio(constants.enlarged_per_octave)
+    count = max(0, round(math.log(largest / first, ratio)))
+    levels = [_level(image, largest / ratio**step, descriptor, base.basis) for step in range(count)]
     return replace(base, levels=levels)
 
 
@@ -141,13 +144,13 @@ def _scales(height: int, width: int, constants: SearchConstants) -> list[float]:
     most = math.sqrt(constants.most_pixels / (height * width))
     largest = min(constants.largest_scale, most)
     least = max(constants.smallest_scale, constants.template_side / 2 / max(height, width))
-    ratio = _level_ratio(constants)
+    ratio = _level_ratio(constants.levels_per_octave)
     count = max(1, 1 + math.floor(math.log(largest / least, ratio)))
     return [largest / ratio**index for index in range(count)]
 
 
-def _level_ratio(constants: SearchConstants) -> float:
-    return float(2 ** (1 / constants.levels_per_octave))
+def _level_ratio(per_octave: int) -> float:
+    return float(2 ** (1 / per_octave))
 
 
 def _features(

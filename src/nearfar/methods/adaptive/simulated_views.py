@@ -91,17 +91,27 @@ def _blurred(pixels: RGBPixels, view: View) -> RGBPixels:
 
 
 def view_keypoints(
-    image: MaskedImage, views: Sequence[View], constants: ViewConstants = DEFAULT.views
+    image: MaskedImage,
+    views: Sequence[View],
+    constants: ViewConstants = DEFAULT.views,
+    part: int = 0,
 ) -> Keypoints:
-    """Return the keypoints of all simulated views of an image, in pixels of the image itself."""
-    factor = min(1.0, constants.longest_side / max(image.size))
+    """Return the keypoints of all simulated views of an image, in pixels of the image itself.
+
+    Args:
+        image: the image.
+        views: the views.
+        constants: of the simulated views.
+        part: 0 for the first views, 1 for those that are added, which are made of smaller images.
+    """
+    factor = min(1.0, constants.longest_sides[part] / max(image.size))
     small, small_from_image = resized(image.pixels, factor)
     found = []
     for view in views:
         check()
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
-        points = detect_rootsift(seen, constants.contrast, constants.points_per_view)
+        points = detect_rootsift(seen, constants.contrast, constants.points_per_view[part])
         points = inside(points, view_from_image, image)
         places = transform(np.linalg.inv(view_from_image), points.xy)
         found.append(replace(points, xy=places))

@@ -105,13 +105,15 @@ class Region:
         """Return the near image in the frame."""
         return warped(self.near.pixels, self.frame_from_near, self.size)
 
-    def matches(self, reach: float) -> Matched:
+    def matches(self, reach: float, near: Keypoints | None = None) -> Matched:
         """Match keypoints within a gate.
 
         Args:
             reach: how far from the expected place, as a share of the frame's diagonal.
+            near: keypoints of the near image in the frame; None detects them there.
         """
-        near = self._keypoints(self.near_seen, self.frame_from_near, self.near)
+        if near is None:
+            near = self._keypoints(self.near_seen, self.frame_from_near, self.near)
         radius = max(reach * float(np.hypot(*self.size)), self.constants.least_reach)
         found = _matched_within(radius, self.far_points, near, self.constants)
         return Matched(
