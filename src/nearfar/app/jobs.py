@@ -100,6 +100,7 @@ class Job(Message):
         error: reason of a failure; a pair that is not found is no failure.
         summary: the answer in a few words.
         found: whether the answer is a place.
+        batch: id of the batch that it belongs to; None for a job of its own.
     """
 
     id: str
@@ -115,6 +116,7 @@ class Job(Message):
     error: str | None = None
     summary: str = ""
     found: bool = False
+    batch: str | None = None
 
     @property
     def active(self) -> bool:
@@ -159,10 +161,21 @@ class JobStore:
             raise NotFoundError("there is no such job")
         return self._jobs[job_id]
 
-    def create(self, request: LocalizeRequest | LocateRequest, names: Iterable[str]) -> Job:
+    def create(
+        self,
+        request: LocalizeRequest | LocateRequest,
+        names: Iterable[str],
+        batch: str | None = None,
+    ) -> Job:
         """Create a job that waits."""
         self._make_room()
-        job = Job(id=secrets.token_hex(8), request=request, names=tuple(names), created=time.time())
+        job = Job(
+            id=secrets.token_hex(8),
+            request=request,
+            names=tuple(names),
+            created=time.time(),
+            batch=batch,
+        )
         self.save(job)
         return job
 

@@ -32,17 +32,20 @@ class Runner:
         self._worker = WorkerProcess()
         self._running: str | None = None
 
-    def check_room(self) -> None:
-        """Whether another job may wait.
+    def check_room(self, *, batch: bool = False) -> None:
+        """Whether another job, or a batch, may wait.
 
         Raises:
-            QueueFullError: the queue is full.
+            QueueFullError: the queue is full, or another batch is under way.
         """
-        if len(self._waiting) >= self._limits.waiting_jobs:
+        waiting = [self._store.get(job_id).batch for job_id in self._waiting]
+        if batch and any(waiting):
+            raise QueueFullError("another batch is under way: wait for its end, or cancel it")
+        if not batch and waiting.count(None) >= self._limits.waiting_jobs:
             raise QueueFullError("too many jobs are waiting: try again when some are done")
 
     def submit(self, job: Job) -> Job:
-        """Let a job wait for its turn.
+        """Let a job wait for its turn; those of a batch come after all others.
 
         Raises:
             ConflictError: it waits or runs already.
@@ -50,10 +53,15 @@ class Runner:
         """
         if job.id in self._waiting or job.id == self._running:
             raise ConflictError("this job is already under way")
-        self.check_room()
-        waiting = Job(id=job.id, request=job.request, names=job.names, created=job.created)
+        if job.batch is None:
+            self.check_room()
+        waiting = Job(
+            id=job.id, request=job.request, names=job.names, created=job.created, batch=job.batch
+        )
         self._store.save(waiting)
-        self._waiting.append(job.id)
+        batches = [self._store.get(each).batch is not None for each in self._waiting]
+        own = job.batch is None and True in batches
+        self._waiting.insert(batches.index(True) if own else len(batches), job.id)
         self._more.set()
         return waiting
 

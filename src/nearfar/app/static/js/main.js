@@ -2,6 +2,7 @@
 
 import { fill, h, icon } from "./dom.js";
 import { annotatePage } from "./pages/annotate.js";
+import { batchPage } from "./pages/batch.js";
 import { localizePage } from "./pages/localize.js";
 import { mapPage } from "./pages/map.js";
 import { resultsPage } from "./pages/results.js";
@@ -10,6 +11,7 @@ import { setUpTheme } from "./theme.js";
 
 const PAGES = {
   localize: ["Localize", localizePage],
+  batch: ["Batch", batchPage],
   map: ["Map", mapPage],
   results: ["Results", resultsPage],
   annotate: ["Annotate", annotatePage],
@@ -56,6 +58,7 @@ setGlobalShortcuts([
   { key: "?", label: "?", what: "this overview", act: showHelp },
   { key: "t", label: "t", what: "light, dark or as the system", act: changeTheme },
   { key: "L", label: "Shift L", what: "Localize", act: go("localize") },
+  { key: "B", label: "Shift B", what: "Batch", act: go("batch") },
   { key: "M", label: "Shift M", what: "Map", act: go("map") },
   { key: "R", label: "Shift R", what: "Results", act: go("results") },
   { key: "A", label: "Shift A", what: "Annotate", act: go("annotate") },

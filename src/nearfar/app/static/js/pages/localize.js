@@ -74,7 +74,7 @@ export function pairOfSlots(masks = false) {
 }
 
 async function showRecent(element) {
-  const jobs = (await get("/api/jobs")).filter((job) => job.request.kind === "localize").slice(0, 12);
+  const jobs = (await get("/api/jobs")).filter((job) => job.request.kind === "localize" && !job.batch).slice(0, 12);
   if (!jobs.length) return;
   fill(element, h("h2", {}, "Recent"), h("ul", { class: "rows" }, jobs.map((job) => h("li", {},
     h("a", { href: `#/localize/${job.id}` },

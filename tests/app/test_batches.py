@@ -1,0 +1,91 @@
+"""A folder of close-ups on one overview."""
+
+import csv
+import io
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from tests.app.browser import Page
+from tests.app.conftest import Server
+from tests.conftest import KnownPair
+
+Files = tuple[Path, Path]
+
+
+def close_ups(served: Path, known_pair: KnownPair) -> Path:
+    folder = served / "close-ups"
+    folder.mkdir(exist_ok=True)
+    Image.fromarray(known_pair.near).save(folder / "part.png")
+    Image.fromarray(np.full((100, 120, 3), 80, np.uint8)).save(folder / "=plain.png")
+    return folder
+
+
+def ended(server: Server, batch: str) -> list[dict[str, Any]]:
+    for _ in range(600):
+        jobs: list[dict[str, Any]] = server.get(f"/api/batches/{batch}")["jobs"]
+        if not any(job["status"] in ("waiting", "running") for job in jobs):
+            return jobs
+        time.sleep(0.1)
+    raise AssertionError("the batch does not end")
+
+
+def test_a_batch_lists_failures_first_and_is_exported(
+    server: Server, files: Files, served: Path, known_pair: KnownPair
+) -> None:
+    folder = close_ups(served, known_pair)
+    request = {"far": server.ref(files[0]), "folder": server.ref(folder), "max_effort": "points"}
+    batch = server.post("/api/batches", request)
+    single = request | {"kind": "localize", "near": server.ref(files[1])}
+    del single["folder"]
+    job = server.post("/api/jobs", single)
+    missed, found = ended(server, batch["id"])
+    assert (missed["names"][1], missed["found"]) == ("=plain.png", False)
+    assert (found["names"][1], found["found"]) == ("part.png", True)
+    assert server.get(f"/api/jobs/{job['id']}")["started"] <= found["started"]
+    path = f"/api/batches/{batch['id']}/export?layout="
+    table = server.ask("GET", path + "csv").body.decode()
+    first, second = csv.DictReader(io.StringIO(table))
+    assert first["near"] == "'=plain.png"
+    assert known_pair.error(np.array(json.loads(second["far_from_near"]))) < 2
+    lines = server.ask("GET", path + "jsonl").body.decode().splitlines()
+    assert [json.loads(line)["status"] for line in lines] == ["failed", "localized"]
+
+
+def test_hostile_batches_are_refused(server: Server, files: Files) -> None:
+    far, empty = server.ref(files[0]), files[0].parent / "empty"
+    empty.mkdir()
+    for folder, status in ((f"{server.ref(empty)}/..", 404), (server.ref(empty), 409), ("x", 404)):
+        reply = server.ask("POST", "/api/batches", {"far": far, "folder": folder})
+        assert reply.status == status, reply.body
+    named = {"far": far, "folder": server.ref(empty), "matcher": "python:os.system"}
+    assert server.ask("POST", "/api/batches", named).status == 422
+    assert server.ask("GET", "/api/batches/..%2f..%2fjobs").status == 404
+    assert server.ask("GET", "/api/batches/None").status == 404
+
+
+def test_a_table_fills_as_the_batch_runs(
+    page: Page, files: Files, served: Path, known_pair: KnownPair
+) -> None:
+    close_ups(served, known_pair)
+    page.open("#/batch")
+    page.find("#batch")
+    page.find("input[type=file]").send_keys(str(files[0]))
+    page.wait(lambda: page.all(".slot-caption"))
+    page.click("#batch-folder")
+    page.push(served.name, "dialog")
+    page.push("close-ups", "dialog")
+    page.wait(lambda: page.find("dialog .trail [aria-current=location]").text == "close-ups")
+    page.push("Choose this folder", "dialog")
+    page.driver.execute_script("document.querySelector('#effort').value = 'points'")
+    page.click("#batch")
+    page.wait(lambda: page.all("tbody a") and page.has("1 found, 1 not found"))
+    names = [each.text for each in page.all("tbody a")]
+    assert names == ["=plain.png", "part.png"]
+    page.push("part.png", "tbody")
+    page.wait(lambda: page.has("part.png in") and page.has("Found"))
+    assert not page.errors()
