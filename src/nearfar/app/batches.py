@@ -61,7 +61,7 @@ def requests_of(request: BatchRequest, library: Library) -> list[LocalizeRequest
     images = [each.ref for each in listing.images if each.ref != request.far]
     if listing.total > len(listing.images) + len(listing.folders) or len(images) > MOST:
         raise ConflictError(
-            f"the folder has more than {MOST} images: use nearfar localize with the folder, or several folders"
+            f"the folder has more than {MOST} images: use several folders, or nearfar localize"
         )
     if not images:
         raise ConflictError("the folder has no image to look for: choose another one")

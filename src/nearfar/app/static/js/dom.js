@@ -96,7 +96,7 @@ export function dialog(title, build, className = "") {
     const close = (value) => { element.close(); element.remove(); resolve(value); };
     const heading = h("h2", { id: "dialog-title" }, title);
     const element = h("dialog", { class: className, "aria-labelledby": "dialog-title" },
-      h("header", {}, heading, iconButton("close", "Close", () => close(null))));
+      h("div", { class: "dialog-head" }, heading, iconButton("close", "Close", () => close(null))));
     element.addEventListener("cancel", (event) => { event.preventDefault(); close(null); });
     element.addEventListener("click", (event) => { if (event.target === element) close(null); });
     append(element, [build(close)]);

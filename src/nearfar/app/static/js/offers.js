@@ -28,7 +28,7 @@ export function offers(request, found) {
   const offer = (text, why, changed) => h("li", {}, h("button", { type: "button", onclick: () => localize(changed) }, icon("again"), text),
     h("span", { class: "quiet small" }, why));
   const other = request.model === "homography" ? "fundamental" : "homography";
-  return h("section", { class: "offers", "aria-label": "What may help" }, h("h3", {}, small ? "Roles swapped?" : "What may help"), h("ul", {},
+  return h("section", { class: "offers", "aria-label": "What may help" }, h("h2", {}, small ? "Roles swapped?" : "What may help"), h("ul", {},
     offer("Swap far and near", small ? "The near image shows the scene smaller than the far one." : "If the first image is the close-up.", swapped(request)),
     failed && offer(other === "fundamental" ? "As a scene with depth" : "As a flat scene",
       other === "fundamental" ? "If the camera moved, and the scene is not flat." : "If the scene is flat, or the camera only turned.",

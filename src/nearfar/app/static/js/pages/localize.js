@@ -148,7 +148,7 @@ function placeButton(viewer, index, text) {
 /** Places that explain the near image nearly as well as the answer: listed, and drawn dashed. */
 function alternatives(places, viewer) {
   if (!places.length) return null;
-  return h("section", { class: "unverified" }, h("h3", {}, "Places that fit nearly as well"),
+  return h("section", { class: "unverified" }, h("h2", {}, "Places that fit nearly as well"),
     h("p", { class: "quiet small" }, "The confidence is shared among them and the answer."),
     h("div", { class: "ranks" }, places.map((each, i) => placeButton(viewer, i, `${Math.round(100 * each.score)}% of the points of the answer`))));
 }
@@ -156,7 +156,7 @@ function alternatives(places, viewer) {
 /** Places that were tried and not accepted: listed, and drawn dashed. */
 function unverifiedPlaces(candidates, viewer, before) {
   if (!candidates.length) return null;
-  return h("section", { class: "unverified" }, h("h3", {}, "Unverified places"),
+  return h("section", { class: "unverified" }, h("h2", {}, "Unverified places"),
     h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."),
     h("div", { class: "ranks" }, candidates.map((each, i) =>
       placeButton(viewer, before + i, each.score === null ? "not compared" : `${Math.round(100 * each.score)}% looks alike`))));
@@ -165,11 +165,11 @@ function unverifiedPlaces(candidates, viewer, before) {
 function numbers(found) {
   const matrix = found.far_from_near?.homography ?? found.far_from_near?.fundamental;
   return h("div", { class: "numbers" },
-    matrix && [h("h3", {}, found.model === "homography" ? "Homography, near to far" : "Fundamental matrix"),
+    matrix && [h("h2", {}, found.model === "homography" ? "Homography, near to far" : "Fundamental matrix"),
       h("table", { class: "matrix" }, h("tbody", {}, matrix.map((row) => h("tr", {}, row.map((value) => h("td", {}, value.toPrecision(6)))))))],
-    found.footprint && [h("h3", {}, "Outline in the far image"),
+    found.footprint && [h("h2", {}, "Outline in the far image"),
       h("table", { class: "matrix" }, h("tbody", {}, found.footprint.map((corner) => h("tr", {}, corner.map((value) => h("td", {}, value.toFixed(1)))))))],
-    h("h3", {}, "Seconds"),
+    h("h2", {}, "Seconds"),
     h("table", { class: "matrix" }, h("tbody", {}, Object.entries(found.seconds).map(([stage, value]) => h("tr", {}, h("th", { scope: "row" }, stage), h("td", {}, value.toFixed(2)))))));
 }
 

@@ -101,7 +101,7 @@ function unverifiedPlaces(job, result) {
   };
   choose(0);
   return h("div", { class: "with-side" }, viewer.element, h("aside", { class: "side unverified", "aria-label": "Unverified places" },
-    h("h3", {}, "Unverified places"), h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."), h("div", { class: "ranks" }, buttons)));
+    h("h2", {}, "Unverified places"), h("p", { class: "quiet small" }, "Nothing confirms them: look whether one is right."), h("div", { class: "ranks" }, buttons)));
 }
 
 function ranked(job, result) {
@@ -134,7 +134,7 @@ function ranked(job, result) {
 function place(world) {
   if (!world?.centre) return null;
   const degrees = world.longitude_latitude?.centre;
-  return h("section", { class: "numbers" }, h("h3", {}, "On the Earth"), facts([
+  return h("section", { class: "numbers" }, h("h2", {}, "On the Earth"), facts([
     degrees && ["Longitude", degrees[0].toFixed(7)],
     degrees && ["Latitude", degrees[1].toFixed(7)],
     ["Centre", world.centre.map((value) => value.toFixed(2)).join(", ")],
