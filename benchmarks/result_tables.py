@@ -13,6 +13,7 @@ from typing import Any
 
 import calibration
 import flight
+import matcher_tables
 import overlays
 import paper_ablation_tables
 import repeated_structures
@@ -40,7 +41,8 @@ SHOWN: dict[str, tuple[str, Callable[[Rows], None]]] = {
     "ablation": ("paper-claim.md", _ablation),
     "confidence": ("adaptive.md#confidence", _confidence),
     "flight": ("tracking.md#a-made-flight", _flight),
-    "learned": ("../learned.md", _learned),
+    "learned": ("learned.md#confidence", _learned),
+    "matchers": ("learned.md#image-pairs", matcher_tables.show),
     "overlays": ("adaptive.md#overlays", overlays.show),
     "repeated": ("adaptive.md#repeated-structures", repeated_structures.show),
 }

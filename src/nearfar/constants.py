@@ -450,8 +450,8 @@ class LearnedConstants:
     significance_in_depth: float = -60.0
     """...and the significance that such a model needs; the strongest of those 64 fits has -21."""
     sure_in_depth: float = -250.0
-    """Significance of such a model by SIFT's matches above which the matcher adds its own: few
-    matches are at the right place, but determine an epipolar geometry badly."""
+    """Significance of a fundamental matrix by SIFT's matches above which the matcher adds its own:
+    few matches are at the right place, but determine it badly."""
 
 
 @dataclass(frozen=True, kw_only=True)

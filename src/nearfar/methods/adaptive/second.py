@@ -93,17 +93,21 @@ class SecondMatcher:
     def more_exact(self, pair: Pair, best: Attempt) -> Attempt:
         """Return a more significant model than one by SIFT's matches, if the matcher finds one.
 
-        An epipolar geometry by few matches is at the right place, but not exact. Only the rotation
-        that its inliers tell is tried.
+        A fundamental matrix by few matches is at the right place, but not exact. Only the rotation
+        that its inliers tell is tried, and they count beside the matcher's.
 
         Args:
             pair: the images.
             best: the model by SIFT's matches.
         """
-        inliers = best.estimate.inliers
-        _, angle = _similarity(best.far[inliers], best.near[inliers])
+        far, near = (each[best.estimate.inliers] for each in (best.far, best.near))
+        scale, angle = _similarity(far, near)
+        equal = np.ones(len(far))
+        known = Matched(
+            far, near, np.inf, Tentative(far, near, scale * equal, angle * equal, equal)
+        )
         for hypothesis in self._of_whole(pair, quarter_turns(angle)):
-            found = self.attempt(pair, hypothesis, Matched.none())
+            found = self.attempt(pair, hypothesis, known)
             best = min(best, found, key=lambda each: each.log10_nfa)
         return best
 
