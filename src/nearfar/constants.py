@@ -438,6 +438,8 @@ class LearnedConstants:
     """Largest error of an inlier, in pixels: learned points are less exact than SIFT's."""
     from_others: int = 3
     """Hypotheses from votes and search whose regions are matched, and that tell rotations."""
+    turns: int = 4
+    """Quarter turns of the near image in which whole images are matched, the likeliest first."""
     promising: float = -2.0
     """Significance of a homography of whole images from which its region is matched."""
     least_agreement: float = 0.5

@@ -83,7 +83,7 @@ class SecondMatcher:
             sought: hypotheses from the landmark search, best first.
         """
         best = _in_turns(voted, sought)[: self._learned.from_others]
-        for quarter in rotations(best):
+        for quarter in rotations(best)[: self._learned.turns]:
             if pair.late:
                 return
             yield self._of_whole(pair, quarter)
