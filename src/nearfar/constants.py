@@ -178,6 +178,9 @@ class ZoomConstants:
     """Longest side of the full frame above which there is a preview, in frames of a preview."""
     preview_points: int = 1000
     """Keypoints of a preview, those of the highest contrast."""
+    least_preview_points: int = 40
+    """Keypoints of the near image below which a preview tells nothing: a hazy photograph from the
+    air has 1 to 30."""
     preview_scales: int = 3
     """Scales from one to half of it at which the keypoints of the near image are detected."""
     clear_preview: float = -6.0

@@ -49,6 +49,13 @@ def test_a_small_full_frame_has_no_preview(preview: Preview) -> None:
     assert preview.matches(hypothesis(np.diag([0.15, 0.15, 1.0]))) is None
 
 
+def test_a_smooth_near_image_has_no_preview(photograph: Callable[[str], RGBPixels]) -> None:
+    far = MaskedImage(photograph("coffee"))
+    smooth = np.asarray(cv2.GaussianBlur(photograph("coffee"), (0, 0), 12))
+    preview = Preview(far, MaskedImage(smooth), DEFAULT.zoom)
+    assert preview.matches(hypothesis(np.diag([0.9, 0.9, 1.0]))) is None
+
+
 def test_a_place_outside_has_no_matches(preview: Preview) -> None:
     beyond = np.array([[0.5, 0, 5000], [0, 0.5, 150], [0, 0, 1.0]])
     found = preview.matches(hypothesis(beyond))

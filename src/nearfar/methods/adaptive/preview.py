@@ -47,7 +47,10 @@ class Preview:
         self._points: LRUCache[int, Keypoints] = LRUCache(KEPT)
 
     def matches(self, hypothesis: Hypothesis) -> Matched | None:
-        """Return the matches in a small frame; None where the full frame is hardly larger.
+        """Return the matches in a small frame; None where it tells nothing.
+
+        That is where the full frame is hardly larger, or the near image has few keypoints in the
+        small one.
 
         Args:
             hypothesis: where the near image may lie.
@@ -60,7 +63,10 @@ class Preview:
         small = region(self._far, self._near, hypothesis.far_from_near, self._small)
         if small is None:
             return Matched.none()
-        return small.matches(self._full.reach, self._near_points(small))
+        points = self._near_points(small)
+        if points is not None and len(points) < self._full.least_preview_points:
+            return None
+        return small.matches(self._full.reach, points)
 
     def _near_points(self, small: Region) -> Keypoints | None:
         """Return the keypoints of the near image in a frame; None where it is foreshortened."""
