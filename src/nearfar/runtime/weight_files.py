@@ -91,6 +91,7 @@ def fetch(network: str, progress: ProgressBar | None = None, url: str | None = N
             f"weights of {network!r} cannot be fetched, only those of {', '.join(DOWNLOADS)}"
         )
     url = url or DOWNLOADS[network]
+    address = url.partition(_DIGEST)[0]
     path = cache_folder() / _file_name(url)
     try:
         if path.is_file() and _has_hash_of_name(path):
@@ -100,11 +101,11 @@ def fetch(network: str, progress: ProgressBar | None = None, url: str | None = N
             incoming = Path(folder) / path.name
             _download(url, incoming, progress)
             if not _has_hash_of_name(incoming):
-                raise WeightsError(f"{url} sent a file with another SHA-256 than its name says")
+                raise WeightsError(f"{address} sent a file with another SHA-256 than its name says")
             incoming.replace(path)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise WeightsError(f"cannot download {url} to {path.parent}: {reason}") from error
+        raise WeightsError(f"cannot download {address} to {path.parent}: {reason}") from error
     return path
 
 

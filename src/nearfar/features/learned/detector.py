@@ -1,5 +1,6 @@
 """Learned keypoints of an image, whichever library runs the network that finds them."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
 import cv2
@@ -38,7 +39,7 @@ class LearnedFeatures:
         return self.keypoints.nbytes + self.size.nbytes
 
 
-class LearnedDetector:
+class LearnedDetector(ABC):
     """Finds points with a network in the resized image; subclasses run the network, and match.
 
     Args:
@@ -73,9 +74,9 @@ class LearnedDetector:
         kept = usable(mask, mask.shape[::-1], features.keypoints.xy)
         return replace(features, keypoints=features.keypoints[kept])
 
+    @abstractmethod
     def _detected(self, pixels: RGBPixels) -> Detected:
         """Return the points of an image whose sides are multiples of `MULTIPLE`."""
-        raise NotImplementedError
 
 
 def _resized(pixels: RGBPixels, longest_side: int) -> RGBPixels:
