@@ -1,12 +1,17 @@
 """What `nearfar bench paper` takes with ResNet-50, without its weights and without all images.
 
-    python benchmarks/paper_cost.py KITTI PHOTOS OUT [--pairs 500]
+    python benchmarks/paper_cost.py KITTI PHOTOS OUT [--pairs 500] [--frames 8] [--no-dry-run]
 
 The weights are made: random values in the layout of ResNet-50. Time does not depend on values, and
 nothing is said about accuracy. OUT/kitti gets all used frames of the poses in KITTI; frames that
 are not there are links to those that are. OUT/montreal gets 31 pairs in the authors' layout, whose
-images are photographs of PHOTOS. Then this runs the command with --dry-run on both. Last, it runs
-the KITTI experiment on the first pairs of the real frames, and scales its CPU time to all pairs.
+images are photographs of PHOTOS.
+
+First the KITTI experiment runs on all pairs among a few real frames. That gives the CPU time of a
+crop, of the keypoints of a frame, and of a pair. Then the boxes of all frames of many pairs are
+proposed and counted. Crops take nearly all of the time, so the number of boxes decides: the cost of
+a frame is that of its proposals, its keypoints and so many crops as the counted frames have in the
+mean. Last, this runs the command with --dry-run on both folders.
 """
 
 import argparse
@@ -15,8 +20,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,18 +29,21 @@ import safetensors.numpy
 import yaml
 
 from nearfar.arrays import Vectors
+from nearfar.bench.datasets.cases import Case
 from nearfar.bench.studies.kitti import STEP, find_kitti_cases, read_poses
 from nearfar.bench.studies.paper import (
     Part,
     descriptors_of,
-    estimate_of,
     kitti_cases,
     parts_of,
     run_part,
 )
+from nearfar.imaging.image import read_image
 from nearfar.networks.resnet50 import STAGES
 from nearfar.presets import PAPER
+from nearfar.proposals import PROPOSERS
 from nearfar.settings import Settings
+from nearfar.storage.rows import Row
 
 MONTREAL_PAIRS = 31
 SUFFIXES = {".jpg", ".jpeg", ".png", ".ppm"}
@@ -113,22 +121,79 @@ def make_montreal(photos: Path, folder: Path) -> None:
             (place / f"{first}_to_{second}.yaml").write_text(text)
 
 
-def measure(source: Path, made: Path, part: Part, out: Path, count: int) -> str:
-    """Run the KITTI experiment on the first pairs of real frames; return what it costs."""
-    there = {case.name for case in find_kitti_cases(source)}
-    cases = [case for case in kitti_cases(made) if case.name in there][:count]
+@dataclass(frozen=True)
+class Cost:
+    """CPU seconds of the parts of the KITTI experiment.
+
+    Attributes:
+        crop: the descriptor of one box.
+        points: keypoints of a frame.
+        pair: matching and estimation of a pair by all methods.
+    """
+
+    crop: float
+    points: float
+    pair: float
+
+
+def cost_of(rows: Sequence[Row], boxes: int, used: float) -> Cost:
+    """Return the cost of the parts of a run.
+
+    Stages are timed by the clock, which other work on the machine makes slow. So they share the
+    CPU time of the run by their part of all stages.
+
+    Args:
+        rows: the rows of the run.
+        boxes: boxes of all its frames together.
+        used: CPU seconds of the run without its proposals.
+    """
+    spent: dict[str, float] = {}
+    for row in rows:
+        for stage, seconds in row["seconds"].items():
+            spent[stage] = spent.get(stage, 0.0) + seconds
+    del spent["proposals"]
+    rate = used / sum(spent.values())
+    frames = len({row[side] for row in rows for side in ("far", "near")})
+    crops, points = (spent.pop(stage) * rate for stage in ("descriptors", "points"))
+    pairs = len({row["case"] for row in rows})
+    return Cost(crops / boxes, points / frames, sum(spent.values()) * rate / pairs)
+
+
+def count_boxes(images: Sequence[Path], settings: Settings) -> tuple[list[int], float]:
+    """Return the number of boxes of each image, and CPU seconds of an image."""
+    search = PROPOSERS.create(settings.proposer, settings)
+    pixels = [read_image(image).pixels for image in images]
     begun = time.process_time()
-    rows = run_part(replace(part, cases=tuple(cases)), out, disk_bytes=int(5e9))
-    used = time.process_time() - begun
-    found = estimate_of(part, rows, (out / f"{part.name}.jsonl").stat().st_size)
-    images = len({image for case in cases for image in (case.far, case.near)})
-    told = found.image_seconds * images + found.pair_seconds * len(cases)
-    hours = found.hours * used / told
+    counts = [len(search.propose(each)) for each in pixels]
+    return counts, (time.process_time() - begun) / len(images)
+
+
+def measure(cases: Sequence[Case], part: Part, out: Path, frames: int) -> str:
+    """Run the KITTI experiment on a few frames, count the boxes of all, and return what it costs.
+
+    Args:
+        cases: pairs of real frames, whose boxes are counted.
+        part: the experiment with all its pairs.
+        out: folder for the rows.
+        frames: number of frames that are run.
+    """
+    images = list(dict.fromkeys(image for case in cases for image in (case.far, case.near)))
+    some = set(images[:frames])
+    few = tuple(case for case in cases if {case.far, case.near} <= some)
+    counts, proposal = count_boxes(images, part.variants[0])
+    begun = time.process_time()
+    rows = run_part(replace(part, cases=few), out, disk_bytes=int(5e9))
+    used = time.process_time() - begun - proposal * len(some)
+    cost = cost_of(rows, sum(counts[:frames]), used)
+    boxes = float(np.mean(counts))
+    frame = proposal + cost.points + boxes * cost.crop
+    hours = (frame * part.images + cost.pair * len(part.cases)) / 3600
     return (
-        f"{len(cases)} pairs of {images} frames took {used:.0f} CPU s; all {len(part.cases):,} "
-        f"pairs of {part.images:,} frames would take {hours:.1f} CPU hours, {hours / 2:.1f} hours "
-        f"on two cores. A frame takes {found.image_seconds * used / told:.2f} CPU s, a pair "
-        f"{found.pair_seconds * used / told:.3f} CPU s"
+        f"{len(few)} pairs of {len(some)} frames were run, {len(cases)} pairs of {len(images)} "
+        f"frames counted: {boxes:.0f} boxes a frame ({min(counts)} to {max(counts)}). CPU seconds: "
+        f"{cost.crop:.4f} a crop, {proposal:.2f} the proposals and {cost.points:.2f} the keypoints "
+        f"of a frame, {cost.pair:.2f} a pair. All {len(part.cases):,} pairs of {part.images:,} "
+        f"frames: {hours:.1f} CPU hours, {hours / 2:.1f} hours on two cores"
     )
 
 
@@ -137,7 +202,9 @@ def main() -> None:
     parser.add_argument("kitti", type=Path)
     parser.add_argument("photos", type=Path)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--pairs", type=int, default=500)
+    parser.add_argument("--pairs", type=int, default=500, help="pairs whose boxes are counted")
+    parser.add_argument("--frames", type=int, default=8, help="frames that are run")
+    parser.add_argument("--dry-run", action=argparse.BooleanOptionalAction, default=True)
     asked = parser.parse_args()
     weights = asked.out / "made-resnet50.safetensors"
     if not weights.exists():
@@ -145,9 +212,13 @@ def main() -> None:
         make_montreal(asked.photos, asked.out / "montreal")
         safetensors.numpy.save_file(made_tensors(), weights)
     common = Settings().replace(**PAPER.options, weights={"resnet50": weights})
-    frames = kitti_cases(asked.out / "kitti")
-    part = parts_of([], frames, descriptors_of("resnet50", ()), common)[0]
-    print(measure(asked.kitti, asked.out / "kitti", part, asked.out / "timed", asked.pairs))
+    every = kitti_cases(asked.out / "kitti")
+    part = parts_of([], every, descriptors_of("resnet50", ()), common)[0]
+    there = {case.name for case in find_kitti_cases(asked.kitti)}
+    cases = [case for case in every if case.name in there][: asked.pairs]
+    print(measure(cases, part, asked.out / "timed", asked.frames), flush=True)
+    if not asked.dry_run:
+        return
     command = ["nearfar", "bench", "paper", "--dry-run", "--weights", f"resnet50={weights}"]
     for name in ("kitti", "montreal"):
         command += [f"--{name}", str(asked.out / name)]

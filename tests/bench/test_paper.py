@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from nearfar.bench.paper_tables import percentages, table_one, table_three_grid
+from nearfar.bench.paper_tables import percentages, read_cells, table_one, table_three_grid
 from nearfar.bench.published import table_three, unlike_kitti_cases
 from nearfar.bench.report.paper_figures import best_configurations, far_in_near
 from nearfar.bench.results import Result
@@ -18,7 +18,9 @@ from nearfar.bench.studies.paper import (
     kitti_cases,
     parts_of,
 )
+from nearfar.bench.summary import DASH
 from nearfar.cli import main
+from nearfar.errors import BenchmarkError
 from nearfar.settings import Settings
 from nearfar.storage.rows import read_rows
 from tests.bench.test_kitti import write_sequence
@@ -78,8 +80,25 @@ def test_the_grid_has_layers_and_sizes_and_calls_other_networks_so() -> None:
     assert cells["fire5"][0] == "**2.000**"
     assert cells["SIFT alone"] == ("9.000", "9.000")
     assert cells["SIFT (paper)"] == ("10.654", "10.654")
+    assert cells["res3d (paper)"] == ("9.339", DASH)
     assert table_three_grid(rows, "objects") is None
     assert best_configurations(rows, 1) == ["paper (squeezenet-fire5@64)"]
+
+
+def test_cells_of_the_papers_table_can_be_typed_in(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    file.write_text("layer,64,32\nfire2,7.5,8\nfire5,9,\n")
+    printed = read_cells(file)
+    assert printed == {("fire2", 64): 7.5, ("fire2", 32): 8.0, ("fire5", 64): 9.0}
+    rows = [planar_row("a", "paper", np.e**3, f"squeezenet-fire2@{size}") for size in (64, 32)]
+    grid = table_three_grid(rows, "paper", printed)
+    assert grid is not None
+    cells = {line.method: line.cells for line in grid.lines}
+    assert cells["fire2 (paper)"] == ("7.500", "8.000")
+    assert cells["fire5 (paper)"] == ("9.000", DASH)
+    file.write_text("layer,64\nfire2,seven\n")
+    with pytest.raises(BenchmarkError, match="layer,224,128,64,32"):
+        read_cells(file)
 
 
 def test_percentages_by_hand() -> None:

@@ -1,8 +1,10 @@
 """The paper's Table I, its Table III by layer and size, and the percentages of its text."""
 
+import csv
 import re
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from nearfar.bench.published import (
 from nearfar.bench.results import Result
 from nearfar.bench.summary import DASH, by_method, measured, summarize
 from nearfar.bench.tables import log_ste
+from nearfar.errors import BenchmarkError
 from nearfar.networks import resnet50
 
 BOLD = {
@@ -49,16 +52,41 @@ def table_one() -> Comparison:
 
 
 _TAP = re.compile(r"(?P<network>\w+)-(?P<layer>\w+)@(?P<size>\d+)")
-PAPER_GRID = {("res3d", 64): 9.339}
-"""Cells of Table III at hand; the other 23, and SIFT's 10.654, are in the paper alone."""
+Cells = Mapping[tuple[str, int], float]
+"""Mean ln STE by layer and side of the crops."""
+PAPER_GRID: Cells = {("res3d", 64): 9.339}
+"""Cells of the paper's Table III at hand. The other 23 can be read from a file, `read_cells`."""
 
 
-def table_three_grid(results: Sequence[Result], method: str) -> Comparison | None:
+def read_cells(file: Path) -> Cells:
+    """Read cells of the paper's Table III from CSV: `layer,224,128,64,32`, then a line a layer.
+
+    Raises:
+        BenchmarkError: the file cannot be read, or a column or a cell is no number.
+    """
+    cells: dict[tuple[str, int], float] = {}
+    try:
+        with file.open(encoding="utf-8", newline="") as text:
+            for row in csv.DictReader(text):
+                layer = row.pop("layer").strip()
+                cells |= {(layer, int(size)): float(value) for size, value in row.items() if value}
+    except (OSError, UnicodeDecodeError, KeyError, ValueError, TypeError) as error:
+        raise BenchmarkError(
+            f"{file} cannot be read as cells of Table III ({error}): the first line must be "
+            f"layer,224,128,64,32, and each further line a layer with numbers"
+        ) from error
+    return cells
+
+
+def table_three_grid(
+    results: Sequence[Result], method: str, printed: Cells = PAPER_GRID
+) -> Comparison | None:
     """Return Table III as the paper has it: mean ln STE by layer and size; None without layers.
 
     Args:
         results: results of image pairs.
         method: "paper", or "objects" for the objects alone.
+        printed: cells of the paper's table, which are of the proposed method.
     """
     cells: dict[tuple[str, int], list[Result]] = {}
     for each in results:
@@ -84,11 +112,11 @@ def table_three_grid(results: Sequence[Result], method: str) -> Comparison | Non
     lines.append(
         Line("SIFT (paper)", True, (f"{PAPER_TABLE_III['SIFT (paper)']:.3f}",) * len(sizes))
     )
-    known = [
-        mean_text(lambda v: v[0], [v for (_, s), v in PAPER_GRID.items() if s == size], ".3f")
-        for size in sizes
-    ]
-    lines.append(Line("res3d (paper)", True, tuple(known)))
+    shown = printed if method == "paper" else {}
+    for layer in dict.fromkeys(layer for layer, _ in shown):
+        values = [printed.get((layer, size)) for size in sizes]
+        known = tuple(DASH if value is None else f"{value:.3f}" for value in values)
+        lines.append(Line(f"{layer} (paper)", True, known))
     own = [each for of_cell in cells.values() for each in of_cell]
     return Comparison(
         f"The paper's Table III, {'proposed method' if method == 'paper' else 'objects alone'}",

@@ -4,7 +4,13 @@ import base64
 from collections.abc import Sequence
 from pathlib import Path
 
-from nearfar.bench.paper_tables import percentages, table_one, table_three_grid
+from nearfar.bench.paper_tables import (
+    PAPER_GRID,
+    Cells,
+    percentages,
+    table_one,
+    table_three_grid,
+)
 from nearfar.bench.published import Comparison, table_three, table_two
 from nearfar.bench.report.page import environment
 from nearfar.bench.report.paper_figures import draw_figures
@@ -22,11 +28,12 @@ def results_of(out: Path) -> dict[str, list[Result]]:
     return {each.name: list(each.results) for each in load_benchmarks([out])}
 
 
-def paper_tables(found: dict[str, list[Result]]) -> list[Comparison]:
+def paper_tables(found: dict[str, list[Result]], printed: Cells = PAPER_GRID) -> list[Comparison]:
     """Return every table of the paper that the results allow.
 
     Args:
         found: results by part.
+        printed: cells of the paper's Table III.
     """
     pairs, frames = found.get("paper_pairs", []), found.get("paper_kitti", [])
     sweep = found.get("paper_sweep", [])
@@ -36,7 +43,7 @@ def paper_tables(found: dict[str, list[Result]]) -> list[Comparison]:
     if sweep:
         tables.append(table_two(sweep, SWEEP_TITLE))
     if pairs:
-        tables += [table_three_grid(pairs, method) for method in ("paper", "objects")]
+        tables += [table_three_grid(pairs, method, printed) for method in ("paper", "objects")]
         tables.append(table_three(pairs))
     return [each for each in tables if each is not None]
 
@@ -53,13 +60,16 @@ def notes_on(found: dict[str, list[Result]], notes: Sequence[str]) -> list[str]:
     return texts
 
 
-def write_paper_report(out: Path, folder: Path, notes: Sequence[str]) -> list[Path]:
+def write_paper_report(
+    out: Path, folder: Path, notes: Sequence[str], printed: Cells = PAPER_GRID
+) -> list[Path]:
     """Write `paper.html`, `paper.md`, `paper.tex` and the figures, and return their paths.
 
     Args:
         out: folder of the results.
         folder: where to write.
         notes: sentences on the run, such as what stands in for the paper's data.
+        printed: cells of the paper's Table III.
 
     Raises:
         BenchmarkError: there are no results.
@@ -67,7 +77,7 @@ def write_paper_report(out: Path, folder: Path, notes: Sequence[str]) -> list[Pa
     """
     folder.mkdir(parents=True, exist_ok=True)
     found = results_of(out)
-    tables, texts = paper_tables(found), notes_on(found, notes)
+    tables, texts = paper_tables(found, printed), notes_on(found, notes)
     figures = draw_figures(found.get("paper_pairs", []), found.get("paper_kitti", []), folder)
     pictures = {
         title: [base64.b64encode(file.read_bytes()).decode() for file in files]

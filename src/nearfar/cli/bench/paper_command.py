@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from nearfar.bench.paper_tables import PAPER_GRID, read_cells
 from nearfar.bench.published import unlike_kitti_cases, unlike_montreal_cases
 from nearfar.bench.studies.pairs import resized_to_paper
 from nearfar.bench.studies.paper import (
@@ -47,6 +48,7 @@ def paper_command(
     network: Literal["resnet50", "squeezenet"] = "resnet50",
     descriptor: _Several = (),
     all_scenes: Flag = False,
+    printed: Path | None = None,
     sample: int = 0,
     dry_run: Flag = False,
     disk_gigabytes: float = 20.0,
@@ -69,6 +71,8 @@ def paper_command(
         network: Network of the descriptors. SqueezeNet stands in for ResNet-50.
         descriptor: Descriptor that stands in for all of the network's; may be repeated.
         all_scenes: Keep the four Montreal scenes that the authors left out.
+        printed: CSV with the cells of the paper's Table III, to show beside those measured:
+            layer,224,128,64,32 and a line for each layer. Default: the one cell of res3d@64.
         sample: Number of pairs of each part to use, drawn with the seed; 0: all.
         dry_run: Only count the cases, and estimate time and disk from one pair of each part.
         disk_gigabytes: Limit on the descriptors in OUT of each worker during the run.
@@ -79,6 +83,7 @@ def paper_command(
         raise BenchmarkError("name the data: --kitti FOLDER, --montreal FOLDER, or both")
     if not 0 <= disk_gigabytes < math.inf:
         raise SettingsError(f"--disk-gigabytes must be 0 or more and finite, not {disk_gigabytes}")
+    cells = PAPER_GRID if printed is None else read_cells(printed)
     folder, workers, disk_bytes = on_disk(out), work.begin(), int(disk_gigabytes * 1e9)
     chosen = descriptors_of(network, descriptor)
     common = with_weights(Settings().replace(**PRESETS[preset].options), weights)
@@ -97,9 +102,9 @@ def paper_command(
 
     for note in notes:
         print_text(note + "\n")
-    for table in paper_tables(results_of(folder)):
+    for table in paper_tables(results_of(folder), cells):
         print_text(f"{table.title}. {table.note}\n\n{table.markdown()}\n")
-    for file in write_paper_report(folder, folder / "report", notes):
+    for file in write_paper_report(folder, folder / "report", notes, cells):
         print_text(f"saved {file}")
 
 
