@@ -5,7 +5,8 @@
 The map has every third of the given frames with their poses. All others are followed in order. A
 gap leaves out 10 frames in a row. The table has the share with a pose, the position error of those
 in metres, median and 95 %, frames until the first pose after the gap, and CPU seconds a frame, also
-of every fourth frame located alone.
+of every fourth frame located alone. Then the path is smoothed, and its errors are printed beside
+those before, also of the frames that are hidden from the smoothing: every third one.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import json
 import math
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,8 @@ import numpy as np
 import nearfar
 from nearfar.maps.sources import read_source
 from nearfar.maps.world.places import QueryPose
-from nearfar.tracking import PoseTracker
+from nearfar.tracking import PoseTracker, TrackState
+from nearfar.tracking.smoothing import smoothed
 
 RATE = 10.0
 """Frames a second of KITTI."""
@@ -53,12 +56,14 @@ def main() -> None:
     middle = len(others) // 2
     others = others[:middle] + others[middle + GAP :]
     rows: list[dict[str, Any]] = []
+    states: list[TrackState] = []
     tracker = PoseTracker(map_, intrinsics=intrinsics, budget=math.inf)
     with (asked.out / "frames.jsonl").open("w") as out:
         for number, file in enumerate(others):
             at = int(file.stem)
             began = time.process_time()
             state = tracker.update(file, at / RATE)
+            states.append(state)
             row: dict[str, Any] = {"frame": at, "status": state.status, "gap": number >= middle}
             row["cpu_seconds"] = time.process_time() - began
             row["error"] = _error(state.world, truth[at]) if state.known else None
@@ -73,7 +78,26 @@ def main() -> None:
             rows.append(row)
             out.write(json.dumps(row) + "\n")
             out.flush()
-    print(json.dumps(_summary(rows), indent=1))
+    shown = [truth[row["frame"]] for row in rows]
+    print(json.dumps(_summary(rows) | _smoothed(states, shown), indent=1))
+
+
+def _smoothed(states: list[TrackState], truth: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """Return errors of the smooth path, and of one from which every third frame was hidden."""
+    found: dict[str, Any] = {}
+    hidden = [
+        replace(each, status="lost", world=None) if k % 3 == 1 else each
+        for k, each in enumerate(states)
+    ]
+    for name, given, first, step in (("smooth", states, 0, 1), ("hidden", hidden, 1, 3)):
+        errors = [
+            _error(state.world, pose)
+            for state, pose in list(zip(smoothed(given), truth, strict=True))[first::step]
+        ]
+        known = [each for each in errors if each is not None]
+        found |= {f"{name}_frames": len(known), f"{name}_median": float(np.median(known))}
+        found[f"{name}_95%"] = float(np.percentile(known, 95))
+    return found
 
 
 def _error(found: object, truth: np.ndarray[Any, Any]) -> float | None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from nearfar import open_map
 from nearfar.errors import MapError
@@ -16,6 +17,7 @@ from nearfar.maps.sources import read_source
 from nearfar.maps.sources.colmap import ColmapModel
 from nearfar.maps.world.places import QueryPose
 from nearfar.tracking import PoseTracker, TrackState
+from nearfar.tracking.exports import export_journey
 from nearfar.tracking.mapped_points import SceneMap
 from nearfar.tracking.pose_matching import (
     PoseFrame,
@@ -24,6 +26,7 @@ from nearfar.tracking.pose_matching import (
     by_tracks,
     measured,
 )
+from nearfar.tracking.smoothing import smoothed
 from tests.maps.world.conftest import Tour, tour  # noqa: F401
 from tests.maps.world.model_files import write_model
 from tests.maps.world.room import CAMERA, Pose
@@ -133,3 +136,10 @@ def test_points_of_the_last_frame_give_the_next_pose(walk: Walk, tour: Tour) -> 
 def test_map_without_poses_is_refused(tour: Tour) -> None:  # noqa: F811
     with pytest.raises(MapError, match="fewer than two images with poses"):
         PoseTracker(open_map(tour.map_), intrinsics=QUERY)
+
+
+def test_path_of_poses_is_drawn_from_above(walk: Walk, tmp_path: Path) -> None:
+    failed = export_journey(open_map(walk.map_), smoothed(walk.states), ["png", "tum"], tmp_path)
+    assert not failed
+    assert np.asarray(Image.open(tmp_path / "track.png")).std() > 10
+    assert len((tmp_path / "track-tum.txt").read_text().splitlines()) == len(walk.states)

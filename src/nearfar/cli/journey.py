@@ -5,24 +5,22 @@ import sys
 import time as clock
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from nearfar.cli.options import BAD_INPUT, FAILED
 from nearfar.cli.world_text import place_text
 from nearfar.errors import SettingsError
-from nearfar.geometry.camera_files import read_camera
 from nearfar.imaging.video import check_rate
 from nearfar.maps.map import Map
 from nearfar.maps.world.places import GeoPlace, QueryPose
 from nearfar.runtime.logs import say
 from nearfar.tracking.constants import BUDGET
-from nearfar.tracking.earth import Earth
+from nearfar.tracking.earth import placed_on_earth
 from nearfar.tracking.exports import check_formats, export_journey
 from nearfar.tracking.frames import JourneyFrame, followed, frames_of
-from nearfar.tracking.journal import Journal
+from nearfar.tracking.journal import SMOOTH, Journal, write_states
 from nearfar.tracking.picture import contact_sheet
-from nearfar.tracking.place import half_diagonal
 from nearfar.tracking.pose_tracker import PoseTracker
 from nearfar.tracking.run import AnyTracker, follow
 from nearfar.tracking.smoothing import smoothed
@@ -31,7 +29,7 @@ from nearfar.tracking.tracker import Tracker
 
 RATE_OVER = 10
 """Frames over which the rate that is shown is measured."""
-SHEET, SMOOTH = "sheet", "track-smooth.jsonl"
+SHEET = "sheet"
 
 
 @dataclass(frozen=True)
@@ -113,9 +111,8 @@ class Journey:
     def _finished(self, map_: Map, states: list[TrackState], folder: Path) -> dict[str, str]:
         """Write the smooth path and the exports; return why a format was not written."""
         if self.smooth:
-            states = _on_earth(map_, smoothed(states), self.intrinsics)
-            lines = "".join(each.to_json() + "\n" for each in states)
-            (folder / SMOOTH).write_text(lines, encoding="utf-8")
+            states = placed_on_earth(smoothed(states), map_.folder, self.intrinsics)
+            write_states(folder / SMOOTH, states)
         named = [each for each in self.export if each != SHEET]
         failed = export_journey(map_, states, named, folder)
         if SHEET in self.export:
@@ -181,18 +178,3 @@ def _text(state: TrackState, rate: float) -> str:
     if not state.known:
         parts.append(f"{state.seconds:.1f} s")
     return f"{'; '.join(parts)}; {rate:.1f} frames/s"
-
-
-def _on_earth(map_: Map, states: list[TrackState], intrinsics: str | None) -> list[TrackState]:
-    """Return smoothed states with their places on the Earth."""
-    earth = Earth(map_.folder)
-    camera = None if intrinsics is None else read_camera(intrinsics, "query")
-    found = []
-    for state in states:
-        if state.far_from_near is None:
-            found.append(state)
-            continue
-        fitted = None if camera is None else camera.of_size(*state.size, "query")
-        radius = half_diagonal(state.far_from_near, state.size)
-        found.append(earth.placed(replace(state, world=None, height=None), fitted, radius))
-    return found

@@ -1,7 +1,7 @@
 """The states of a journey on the disk: one line a frame, and a checkpoint to go on from."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,7 +11,11 @@ from nearfar.storage.rows import RowFile, read_rows
 from nearfar.tracking.state import TrackState
 
 STATES = "track.jsonl"
+"""File of a folder that has the states of a journey, one a line."""
+SMOOTH = "track-smooth.jsonl"
+"""File of the smoothed states."""
 CHECKPOINT = "checkpoint.json"
+"""File of what a run goes on from, and of what its states depend on."""
 
 
 class Journal:
@@ -44,9 +48,7 @@ class Journal:
         except (BenchmarkError, LocalizationError, KeyError, TypeError) as error:
             raise SettingsError(f"{file} is damaged, remove it: {error}") from None
         if len(self.states) < len(rows):
-            with replaced(file) as out:
-                lines = [each.to_json() + "\n" for each in self.states]
-                out.write_text("".join(lines), encoding="utf-8")
+            write_states(file, self.states)
         self._rows = RowFile(file)
 
     def add(self, state: TrackState, checkpoint: Mapping[str, Any]) -> None:
@@ -86,3 +88,13 @@ class Journal:
                 f"another folder"
             )
         return content
+
+
+def write_states(file: Path, states: Iterable[TrackState]) -> None:
+    """Write states, one a line.
+
+    Raises:
+        OSError: the file cannot be written; what was there before is kept.
+    """
+    with replaced(file) as out:
+        out.write_text("".join(each.to_json() + "\n" for each in states), encoding="utf-8")

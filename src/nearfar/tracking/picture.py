@@ -10,7 +10,7 @@ from PIL import Image as PillowImage
 from PIL import ImageDraw
 
 from nearfar.arrays import Coordinates, Matrix3, RGBPixels
-from nearfar.errors import ExportError, ImageError
+from nearfar.errors import ImageError
 from nearfar.geometry.homography import scaling, transform, translation
 from nearfar.imaging.image import Image, read_image
 from nearfar.imaging.tiles import Tile
@@ -21,23 +21,17 @@ from nearfar.render import save
 from nearfar.render.draw import WHITE, dots, polygon, rendered, segments
 from nearfar.render.page import INK, MUTED, write
 from nearfar.tracking.frames import JourneyFrame
-from nearfar.tracking.state import Status, TrackState
+from nearfar.tracking.legend import COLOURS, HEIGHT, counted, with_legend
+from nearfar.tracking.plan import plan_picture
+from nearfar.tracking.state import TrackState
 
 LONGEST = 1600
 """Longest side of a picture of a path, in pixels."""
 FOOTPRINTS = 12
 """Footprints that are drawn beside the path, evenly along it."""
-COLOURS: dict[Status, tuple[int, int, int]] = {
-    "tracked": (0, 114, 178),
-    "relocalized": (0, 158, 115),
-    "predicted": (230, 159, 0),
-    "lost": (213, 94, 0),
-}
-"""Colour of a frame's place by its status; they differ for the colour-blind, too."""
 ROOM = 0.15
 """Room around the path, as a share of its extent."""
 LEAST_ROOM = 20
-LEGEND = 28
 CELL = 240
 """Side of a picture in a contact sheet, in pixels."""
 COLUMNS, ROWS = 4, 4
@@ -47,26 +41,29 @@ COLUMNS, ROWS = 4, 4
 def path_picture(map_: Map, states: Sequence[TrackState], path: Path) -> None:
     """Draw the path on the map image that shows most frames, and write it as PNG.
 
+    A path of poses has no place in a map image: it is drawn as seen from above.
+
     Args:
         map_: the map.
         states: of the frames, in order.
         path: file to write.
 
     Raises:
-        ExportError: no frame has a place in a map image.
+        ExportError: no frame has a place in a map image, or a pose.
         ImageError: the file of the map image cannot be read.
         OSError: the picture cannot be written.
     """
-    counted = Counter(each.image for each in states if each.place is not None and each.image)
-    if not counted:
-        raise ExportError("no frame has a place in a map image: there is no path to draw")
-    name = counted.most_common(1)[0][0]
+    images = Counter(each.image for each in states if each.place is not None and each.image)
+    if not images:
+        plan_picture(map_, states, path)
+        return
+    name = images.most_common(1)[0][0]
     shown = [each for each in states if each.image == name and each.place is not None]
     corners = [each.footprint for each in shown if each.footprint is not None]
     low, high = _extent(corners)
     page, page_from_map = _map_part(map_, str(name), low, high)
     _draw_path(page, page_from_map, shown)
-    save(_with_legend(page, shown), path)
+    save(with_legend(page, counted(shown)), path)
 
 
 def _extent(corners: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates]:
@@ -113,21 +110,6 @@ def _draw_path(page: RGBPixels, page_from_map: Matrix3, shown: Sequence[TrackSta
             dots(page, centres[chosen], colour, 2.5)
 
 
-def _with_legend(page: RGBPixels, shown: Iterable[TrackState]) -> RGBPixels:
-    """Add a line with the number of frames of each status below the picture."""
-    counted = Counter(each.status for each in shown)
-    legend = PillowImage.new("RGB", (max(page.shape[1], 480), LEGEND), WHITE)
-    pen, left = ImageDraw.Draw(legend), 8
-    for status, colour in COLOURS.items():
-        if counted[status]:
-            pen.ellipse((left, 9, left + 10, 19), colour)
-            text = f"{counted[status]} {status}"
-            write(pen, left + 16, 19, text, 14, INK)
-            left += 36 + 8 * len(text)
-    line = np.asarray(legend)[:, : page.shape[1]]
-    return np.vstack([page, line])
-
-
 def contact_sheet(
     map_: Map, states: Sequence[TrackState], frames: Iterable[JourneyFrame], folder: Path
 ) -> list[Path]:
@@ -170,7 +152,7 @@ def contact_sheet(
 
 def _cell(map_: Map, state: TrackState, frame: RGBPixels) -> RGBPixels:
     """Draw a frame, its footprint on the map below, and a line of text."""
-    page = np.full((2 * CELL + LEGEND, CELL + 8, 3), 255, np.uint8)
+    page = np.full((2 * CELL + HEIGHT, CELL + 8, 3), 255, np.uint8)
     height, width = frame.shape[:2]
     left = 4 + (CELL - width) // 2
     page[(CELL - height) // 2 :][:height, left : left + width] = frame

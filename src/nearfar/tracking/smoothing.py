@@ -1,8 +1,6 @@
 """Smoothing: the whole path after the journey, by robust least squares. Needs SciPy.
 
-Each number of a place is a sequence of its own. A smooth path minimizes the squared differences
-from the measurements, in standard deviations, and the squared accelerations. Measurements that the
-others contradict get less weight (Huber's loss, by repeated weighting).
+Each number of a place, or of a pose, is a sequence of its own; see `sequences`.
 """
 
 from collections.abc import Sequence
@@ -13,22 +11,16 @@ import numpy as np
 from nearfar.geometry.homography import footprint
 from nearfar.runtime import require
 from nearfar.tracking.place import Array, covariance_of, half_diagonal, moved
+from nearfar.tracking.pose_smoothing import pose_of, smooth_poses
+from nearfar.tracking.sequences import smooth_sequence
 from nearfar.tracking.state import TrackState
-
-HUBER = 2.0
-"""Standard deviations from which on a measurement's pull no longer grows."""
-ROUNDS = 10
-"""Rounds of weighting."""
-LEAST_DEVIATION = 1e-3
-"""Least standard deviation of an acceleration, as a share of that of the measurements."""
-LEAST_SAMPLES = 8
-"""Measurements from which accelerations are estimated."""
 
 
 def smoothed(states: Sequence[TrackState]) -> list[TrackState]:
-    """Return the states with smooth places; frames between matched ones get one, too.
+    """Return the states with smooth places or poses; frames between matched ones get one, too.
 
-    Frames before the first and after the last match of a map image keep their states, as do poses.
+    Frames before the first and after the last match of a map image, or of a world of poses, keep
+    their states.
 
     Args:
         states: of the whole journey, in order.
@@ -38,19 +30,36 @@ def smoothed(states: Sequence[TrackState]) -> list[TrackState]:
     """
     require("bench", "scipy")
     found = list(states)
-    for first, last in _runs(states):
+    for first, last in _runs([_image_of(each) for each in states]):
         found[first:last] = _smooth_run(states[first:last])
+    for first, last in _runs([_world_of(each) for each in states]):
+        found[first:last] = smooth_poses(states[first:last])
     return found
 
 
-def _runs(states: Sequence[TrackState]) -> list[tuple[int, int]]:
-    """Return first and past-the-last index of the runs between matches in one map image."""
+def _image_of(state: TrackState) -> str | None:
+    """Return the map image that a frame was matched with by a homography."""
+    return state.image if state.known and state.far_from_near is not None else None
+
+
+def _world_of(state: TrackState) -> str | None:
+    """Return the world of a frame's measured pose."""
+    pose = pose_of(state)
+    return pose.world if state.known and pose is not None else None
+
+
+def _runs(frames: Sequence[str | None]) -> list[tuple[int, int]]:
+    """Return first and past-the-last index of the runs between matches in one frame of reference.
+
+    Args:
+        frames: of each state, the name of what it was matched with; None where it was not.
+    """
     runs: list[tuple[int, int]] = []
-    known = [k for k, each in enumerate(states) if each.known and each.far_from_near is not None]
+    known = [k for k, each in enumerate(frames) if each is not None]
     begin = 0
     for position, index in enumerate(known):
         after = known[position + 1] if position + 1 < len(known) else None
-        if after is None or states[after].image != states[index].image:
+        if after is None or frames[after] != frames[index]:
             if position > begin:
                 runs.append((known[begin], index + 1))
             begin = position + 1
@@ -101,80 +110,3 @@ def _at(state: TrackState, model: TrackState, place: Array, variance: Array) -> 
         place=place,
         covariance=np.diag(variance),
     )
-
-
-def smooth_sequence(
-    times: Array, matched: Array, values: Array, variances: Array
-) -> tuple[Array, Array]:
-    """Return the smooth values at all times, and their variances.
-
-    Args:
-        times: (N,) in seconds, rising.
-        matched: (M,) indices of the times with a measurement; the first and the last are among
-            them.
-        values: (M,) measurements.
-        variances: (M,) of them.
-    """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-
-    count = len(times)
-    if count < 3:
-        return np.interp(times, times[matched], values), np.full(count, variances.max())
-    rough = _accelerations(times)
-    weights = 1 / variances
-    density = _density(times[matched], values, variances)
-    trusted = np.ones(len(values))
-    for _ in range(ROUNDS):
-        diagonal, target = np.zeros(count), np.zeros(count)
-        diagonal[matched] = weights * trusted
-        target[matched] = weights * trusted * values
-        banded = _banded(rough, diagonal, density)
-        factor = cholesky_banded(banded)
-        smooth = cho_solve_banded((factor, False), target)
-        away = np.abs(smooth[matched] - values) * np.sqrt(weights)
-        trusted = np.minimum(1.0, HUBER / np.maximum(away, 1e-12))
-    left = [cho_solve_banded((factor, False), row)[k] for k, row in enumerate(np.eye(count))]
-    return np.asarray(smooth), np.array(left)
-
-
-def _accelerations(times: Array) -> Array:
-    """Return (N - 2, 3) factors of three successive values that give their acceleration."""
-    before, after = np.diff(times)[:-1], np.diff(times)[1:]
-    whole = before + after
-    return 2 * np.column_stack([1 / (before * whole), -1 / (before * after), 1 / (after * whole)])
-
-
-def _density(times: Array, values: Array, variances: Array) -> float:
-    """Return the inverse variance of an acceleration, estimated from the measurements.
-
-    Noise hides the accelerations between close measurements, so that those between every second,
-    fourth and so on are looked at as well. The largest estimate counts.
-    """
-    spreads, noise = [0.0], float(np.median(variances))
-    step = 1
-    while len(times) >= LEAST_SAMPLES * step or step == 1 < len(times) // 3:
-        chosen = slice(None, None, step)
-        rough = _accelerations(times[chosen])
-        found = (rough * _threes(values[chosen])).sum(axis=1)
-        noise = float(np.median((rough**2 * _threes(variances[chosen])).sum(axis=1)))
-        spreads.append((1.4826 * float(np.median(np.abs(found)))) ** 2 - noise)
-        step *= 2
-    return 1 / max(*spreads, LEAST_DEVIATION**2 * noise, 1e-300)
-
-
-def _threes(values: Array) -> Array:
-    """Return (N - 2, 3) successive values."""
-    return np.column_stack([values[:-2], values[1:-1], values[2:]])
-
-
-def _banded(rough: Array, diagonal: Array, density: float) -> Array:
-    """Return the upper bands (3, N) of the normal equations."""
-    count = len(diagonal)
-    banded = np.zeros((3, count))
-    banded[2] = diagonal
-    for row in range(3):
-        for column in range(row, 3):
-            products = density * rough[:, row] * rough[:, column]
-            first = column
-            banded[2 - (column - row), first : first + len(products)] += products
-    return banded
