@@ -9,6 +9,7 @@ from PIL import Image as PillowImage
 from nearfar.bench.paper_tables import percentages, read_cells, table_one, table_three_grid
 from nearfar.bench.published import table_three, unlike_kitti_cases
 from nearfar.bench.report.paper_figures import best_configurations, far_in_near
+from nearfar.bench.report.paper_page import notes_on
 from nearfar.bench.results import Result
 from nearfar.bench.studies.paper import (
     Part,
@@ -220,6 +221,26 @@ def test_a_dry_run_counts_what_kitti_and_the_montreal_pictures_hold(
     assert "| KITTI (Table II) | 3 | 3 | 3 |" in said
     assert "Stand-in for the paper's image pairs (Table III): 2 pairs instead of 31." in said
     assert not list((tmp_path / "run").glob("*.jsonl"))
+
+
+def test_missing_weights_end_the_command_at_once(
+    cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("nearfar.bench.studies.pairs.PAPER_SIZE", (40, 30))
+    command = ["bench", "paper", "--montreal", str(cases), "--out", str(tmp_path / "run")]
+    for more in ([], ["--dry-run"]):
+        assert main([*command, *more]) == 2
+        assert "nearfar weights fetch resnet50" in capsys.readouterr().err
+    assert not list((tmp_path / "run").glob("*.jsonl"))
+
+
+def test_a_report_says_how_many_rows_are_errors() -> None:
+    row = {"case": "a", "method": "sift", "status": "error", "reason": "worker died"}
+    results = [Result.from_dict(row), planar_row("b", "sift", 2.0)]
+    (note,) = notes_on({"paper_pairs": results}, [])
+    assert note.startswith("1 of 2 rows of paper_pairs are errors")
+    assert "worker died" in note
 
 
 def test_data_must_be_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

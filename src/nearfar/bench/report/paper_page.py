@@ -22,6 +22,11 @@ RELEASED_RULES = (
     "{total} poses."
 )
 
+ERRORS = (
+    "{count} of {total} rows of {name} are errors, which count as failures. The first: {reason}. "
+    "The same command tries them again."
+)
+
 
 def results_of(out: Path) -> dict[str, list[Result]]:
     """Return the results of each part that has some, by the name of its file."""
@@ -49,11 +54,22 @@ def paper_tables(found: dict[str, list[Result]], printed: Cells = PAPER_GRID) ->
 
 
 def notes_on(found: dict[str, list[Result]], notes: Sequence[str]) -> list[str]:
-    """Return what a reader must know: stand-ins, and the failures by the released code's rule."""
+    """Return what a reader must know: stand-ins, errors, and failures by the released code."""
     stereo = [
         each for each in found.get("paper_kitti", []) if each.row.get("no_stereo_scale") is not None
     ]
     texts = list(notes)
+    for name, results in found.items():
+        errors = [each for each in results if each.status == "error"]
+        if errors:
+            texts.append(
+                ERRORS.format(
+                    count=f"{len(errors):,}",
+                    total=f"{len(results):,}",
+                    name=name,
+                    reason=errors[0].reason,
+                )
+            )
     if stereo:
         count = sum(each.row["no_stereo_scale"] is True for each in stereo)
         texts.append(RELEASED_RULES.format(count=f"{count:,}", total=f"{len(stereo):,}"))

@@ -13,6 +13,7 @@ from nearfar.bench.studies.sweep import first_pairs, run_taps
 from nearfar.bench.studies.tap_features import NETWORKS, Tap, taps_of
 from nearfar.errors import BenchmarkError, SettingsError
 from nearfar.presets import KITTI_DESCRIPTOR
+from nearfar.runtime.weight_files import weights_file
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Settings
 from nearfar.storage.rows import Row, read_rows
@@ -144,6 +145,18 @@ def _variants(common: Settings, descriptors: Sequence[str]) -> Iterator[Settings
 def kitti_cases(folder: Path) -> list[Case]:
     """Return the pairs of KITTI frames, those of one far frame together."""
     return sorted(find_kitti_cases(folder), key=lambda case: case.name)
+
+
+def check_weights(parts: Sequence[Part]) -> None:
+    """Check that the networks of all variants have weights.
+
+    Raises:
+        WeightsError: weights are missing or damaged; says how to get them.
+    """
+    chosen = {each for part in parts for each in part.variants if _is_tap(each)}
+    networks = {tap.network: each for each in chosen for tap in taps_of(each.descriptor)}
+    for network, settings in networks.items():
+        weights_file(network, settings)
 
 
 def run_part(

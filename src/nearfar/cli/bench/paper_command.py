@@ -13,6 +13,7 @@ from nearfar.bench.studies.pairs import resized_to_paper
 from nearfar.bench.studies.paper import (
     Descriptors,
     Part,
+    check_weights,
     descriptors_of,
     estimated,
     image_pairs,
@@ -92,17 +93,24 @@ def paper_command(
     pairs, frames = (sampled(cases, sample, common.seed) for cases in (pairs, frames))
     pairs = resized_to_paper(pairs, folder / "cases")
     parts = parts_of(pairs, frames, chosen, common)
+    check_weights(parts)
     notes = _notes(parts, chosen, preset)
     if dry_run:
         _print_estimate(parts, notes, disk_bytes, work.jobs)
         return
     for part in parts:
         run_part(part, folder, disk_bytes=disk_bytes, workers=workers)
-    from nearfar.bench.report.paper_page import paper_tables, results_of, write_paper_report
+    from nearfar.bench.report.paper_page import (
+        notes_on,
+        paper_tables,
+        results_of,
+        write_paper_report,
+    )
 
-    for note in notes:
+    found = results_of(folder)
+    for note in notes_on(found, notes):
         print_text(note + "\n")
-    for table in paper_tables(results_of(folder), cells):
+    for table in paper_tables(found, cells):
         print_text(f"{table.title}. {table.note}\n\n{table.markdown()}\n")
     for file in write_paper_report(folder, folder / "report", notes, cells):
         print_text(f"saved {file}")
