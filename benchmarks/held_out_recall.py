@@ -1,6 +1,9 @@
-"""Recall of landmark networks on the held-out photographs, over several draws of regions.
+"""Recall of landmark networks on photographs that were held out, over several draws of regions.
 
-Run with `python benchmarks/held_out_recall.py PHOTOS NETWORK.onnx ...`. Needs the extra `train`.
+    python benchmarks/held_out_recall.py PHOTOS NETWORK.onnx ... [--scenes] [--neighbours 2]
+
+With `--scenes` nothing of PHOTOS was trained on, and all of it is compared. Otherwise it is the
+folder of a training, and what that held out is compared. Needs the extra `train`.
 """
 
 import argparse
@@ -10,8 +13,10 @@ import onnxruntime
 import torch
 from torch import Tensor, nn
 
-from nearfar.train.photographs import held_out, read_photographs
+from nearfar.train.mining import mined_pairs
+from nearfar.train.photographs import read_photographs
 from nearfar.train.training import FULL
+from nearfar.train.training_set import TrainingSet
 from nearfar.train.validation import validated
 
 DRAWS = 4
@@ -33,11 +38,17 @@ class Exported(nn.Module):
 
 def main() -> None:
     """Print one line for each draw and network."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("photographs", type=Path)
     parser.add_argument("networks", type=Path, nargs="+")
+    parser.add_argument("--scenes", action="store_true", help="compare all of PHOTOS")
+    parser.add_argument("--neighbours", type=int, default=2)
     given = parser.parse_args()
-    _, validation = held_out(read_photographs([given.photographs])[0], FULL.held_out)
+    photographs, _ = read_photographs([given.photographs])
+    found = TrainingSet(photographs, mined_pairs(photographs, given.neighbours))
+    validation = found if given.scenes else found.held_out(FULL.held_out)[1]
     for seed in range(DRAWS):
         for file in given.networks:
             row = validated(Exported(file), validation, seed, torch.device("cpu"))

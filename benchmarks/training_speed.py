@@ -14,6 +14,7 @@ from pathlib import Path
 from nearfar.storage.rows import Row
 from nearfar.train.photographs import read_photographs
 from nearfar.train.training import FULL, train
+from nearfar.train.training_set import TrainingSet
 
 STEPS, FIRST = 60, 20
 """Of the training; those before the first to be timed fill queues and memory."""
@@ -33,7 +34,8 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as out:
         configuration = dataclasses.replace(FULL, steps=STEPS)
-        train(photographs, [], configuration, Path(out), jobs=asked.jobs, progress=progress)
+        everything, nothing = TrainingSet(photographs), TrainingSet([])
+        train(everything, nothing, configuration, Path(out), jobs=asked.jobs, progress=progress)
     print(f"{(ended[-1] - ended[FIRST - 1]) / (STEPS - FIRST):.2f} s a batch")
 
 

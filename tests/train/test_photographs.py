@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from nearfar.errors import TrainingError
-from nearfar.train.photographs import Photograph, held_out, read_photographs
+from nearfar.train.photographs import Photograph, read_photographs
 
 
 def test_reads_every_photograph_and_says_what_is_none(folder: Path) -> None:
@@ -25,9 +25,3 @@ def test_levels_halve(photographs: list[Photograph]) -> None:
     astronaut = photographs[0]
     assert astronaut.size == (512, 512)
     assert [level.shape[0] for level in astronaut.levels] == [512, 256, 128, 64, 32]
-
-
-def test_held_out_photographs_are_not_trained_on(photographs: list[Photograph]) -> None:
-    training, validation = held_out(photographs, 3)
-    assert validation == [photographs[2]]
-    assert training == [photographs[0], photographs[1], photographs[3]]

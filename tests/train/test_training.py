@@ -11,6 +11,8 @@ torch = pytest.importorskip("torch")
 
 from nearfar.errors import SettingsError, TrainingError  # noqa: E402
 from nearfar.storage.rows import read_rows  # noqa: E402
+from nearfar.train.export import save_model  # noqa: E402
+from nearfar.train.network import LandmarkNetwork  # noqa: E402
 from nearfar.train.photographs import Photograph  # noqa: E402
 from nearfar.train.training import (  # noqa: E402
     CHECKPOINT,
@@ -20,7 +22,9 @@ from nearfar.train.training import (  # noqa: E402
     Configuration,
     train,
 )
+from nearfar.train.training_set import TrainingSet  # noqa: E402
 
+NOTHING = TrainingSet([])
 FEW = dataclasses.replace(SMALL, steps=4, every=2)
 
 
@@ -31,7 +35,12 @@ class StoppedError(Exception):
 def trained(
     photographs: list[Photograph], out: Path, configuration: Configuration = FEW
 ) -> dict[str, Any]:
-    return dict(train(photographs[:3], photographs[3:], configuration, out, jobs=0).state_dict())
+    training, validation = halves(photographs)
+    return dict(train(training, validation, configuration, out, jobs=0).state_dict())
+
+
+def halves(photographs: list[Photograph]) -> tuple[TrainingSet, TrainingSet]:
+    return TrainingSet(photographs[:3]), TrainingSet(photographs[3:])
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +68,7 @@ def test_resumed_training_ends_like_one_in_a_go(
             raise StoppedError
 
     with pytest.raises(StoppedError):
-        train(photographs[:3], photographs[3:], FEW, tmp_path / "parts", jobs=0, progress=stop)
+        train(*halves(photographs), FEW, tmp_path / "parts", jobs=0, progress=stop)
     assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2]
     parts = trained(photographs, tmp_path / "parts")
     assert [row["step"] for row in read_rows(tmp_path / "parts" / LOG)] == [2, 4]
@@ -86,13 +95,30 @@ def test_losses_fall(photographs: list[Photograph], tmp_path: Path) -> None:
     assert rows[-1]["cell_recall"] > 3 / 600
 
 
+def test_training_goes_on_from_a_network_where_that_one_ended(
+    photographs: list[Photograph], finished: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    last = read_rows(finished[0] / LOG)[-1]
+    network = LandmarkNetwork(FEW.width)
+    network.load_state_dict(finished[1])
+    start = save_model(network, tmp_path)
+    frozen = dataclasses.replace(FEW, learning_rate=0.0, weight_decay=0.0)
+    out = tmp_path / "further"
+    train(*halves(photographs), frozen, out, start=start, jobs=0)
+    row = read_rows(out / LOG)[-1]
+    assert row["cell_loss"] == pytest.approx(last["cell_loss"], rel=0.2)
+    start.write_bytes(b"no network")
+    with pytest.raises(TrainingError, match="no landmark network"):
+        train(*halves(photographs), frozen, tmp_path / "other", start=start, jobs=0)
+
+
 def test_folder_of_another_training_is_refused(photographs: list[Photograph], copied: Path) -> None:
     before = (copied / CHECKPOINT).read_bytes()
     for configuration in (dataclasses.replace(FEW, seed=2), dataclasses.replace(FEW, steps=8)):
         with pytest.raises(TrainingError, match="another configuration"):
             trained(photographs, copied, configuration)
     with pytest.raises(TrainingError, match="other photographs"):
-        train(photographs[:2], photographs[3:], FEW, copied, jobs=0)
+        train(TrainingSet(photographs[:2]), NOTHING, FEW, copied, jobs=0)
     assert (copied / CHECKPOINT).read_bytes() == before
 
 
@@ -104,7 +130,7 @@ def test_a_full_disk_keeps_the_checkpoint_before(
             (tmp_path / f".{CHECKPOINT}.{os.getpid()}").symlink_to("/dev/full")
 
     with pytest.raises(OSError, match="No space left"):
-        train(photographs[:3], photographs[3:], FEW, tmp_path, jobs=0, progress=fill)
+        train(*halves(photographs), FEW, tmp_path, jobs=0, progress=fill)
     assert torch.load(tmp_path / CHECKPOINT, weights_only=True)["step"] == 2
 
 
@@ -112,12 +138,12 @@ def test_a_negative_number_of_jobs_is_refused(
     photographs: list[Photograph], tmp_path: Path
 ) -> None:
     with pytest.raises(SettingsError, match="--jobs"):
-        train(photographs, [], FEW, tmp_path, jobs=-1)
+        train(TrainingSet(photographs), NOTHING, FEW, tmp_path, jobs=-1)
 
 
 def test_too_few_photographs(photographs: list[Photograph], tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="too few"):
-        train(photographs[:1], [], FEW, tmp_path)
+        train(TrainingSet(photographs[:1]), NOTHING, FEW, tmp_path)
 
 
 @pytest.mark.parametrize("name", ["steps", "width", "cells", "held_out", "every"])
@@ -138,7 +164,7 @@ def test_damaged_folders_are_named(photographs: list[Photograph], copied: Path) 
 def test_without_validation_photographs_there_is_no_recall(
     photographs: list[Photograph], tmp_path: Path
 ) -> None:
-    train(photographs, [], FEW, tmp_path, jobs=0)
+    train(TrainingSet(photographs), NOTHING, FEW, tmp_path, jobs=0)
     row = read_rows(tmp_path / LOG)[-1]
     assert "cell_recall" not in row
     assert np.isfinite(row["cell_loss"])

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 from hypothesis import given
@@ -32,7 +34,7 @@ def ramp() -> Photograph:
     levels = [pixels]
     for _ in range(3):
         levels.append(np.asarray(cv2.resize(levels[-1], None, fx=0.5, fy=0.5)))
-    return Photograph("ramp", tuple(levels))
+    return Photograph(Path("ramp"), tuple(levels))
 
 
 @given(seeds)

@@ -2,12 +2,12 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from nearfar.arrays import RGBPixels
+from nearfar.train.conditions import Image, under_other_conditions
 
-Image = NDArray[np.float32]
-"""(height, width, 3) with values about 0 to 255."""
+OTHER_CONDITIONS = 0.2
+"""Share of the views in other conditions."""
 
 
 def taken(pixels: RGBPixels, side: int, rng: np.random.Generator) -> RGBPixels:
@@ -19,6 +19,8 @@ def taken(pixels: RGBPixels, side: int, rng: np.random.Generator) -> RGBPixels:
         rng: of all that is drawn.
     """
     image = pixels.astype(np.float32)
+    if rng.random() < OTHER_CONDITIONS:
+        image = under_other_conditions(image, rng)
     image = _in_other_light(_in_other_colours(image, rng), rng)
     image = _blurred(image, rng)
     image += _noise(image.shape, rng)

@@ -21,12 +21,17 @@ class Photograph:
     """An image at several sizes.
 
     Attributes:
-        name: of its file.
+        path: of its file.
         levels: the image, then each at half the size of the one before.
     """
 
-    name: str
+    path: Path
     levels: tuple[RGBPixels, ...]
+
+    @property
+    def name(self) -> str:
+        """Return the name of its file."""
+        return self.path.name
 
     @property
     def size(self) -> tuple[int, int]:
@@ -59,7 +64,7 @@ def read_photographs(folders: list[Path]) -> tuple[list[Photograph], list[str]]:
         if min(pixels.shape[:2]) < SMALLEST_SIDE:
             skipped.append(f"{file}: a side is shorter than {SMALLEST_SIDE} pixels")
             continue
-        photographs.append(Photograph(file.name, _levels(pixels)))
+        photographs.append(Photograph(file, _levels(pixels)))
     return photographs, skipped
 
 
@@ -70,12 +75,3 @@ def _levels(pixels: RGBPixels) -> tuple[RGBPixels, ...]:
         half = (width // 2, height // 2)
         levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA)))
     return tuple(levels)
-
-
-def held_out(
-    photographs: list[Photograph], every: int
-) -> tuple[list[Photograph], list[Photograph]]:
-    """Return photographs to train on and, one in `every`, to validate with."""
-    validation = photographs[every - 1 :: every]
-    training = [photograph for photograph in photographs if photograph not in validation]
-    return training, validation

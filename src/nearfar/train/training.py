@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import hashlib
 import io
 import json
 import math
@@ -21,7 +22,8 @@ from nearfar.storage.rows import Row, RowFile
 from nearfar.train.batches import Batch, Batches, BatchShape
 from nearfar.train.losses import contrastive_loss, counterparts, middle, template_loss
 from nearfar.train.network import LandmarkNetwork
-from nearfar.train.photographs import Photograph
+from nearfar.train.start import network_of
+from nearfar.train.training_set import TrainingSet
 from nearfar.train.validation import validated
 
 CHECKPOINT, LOG, CONFIGURATION = "checkpoint.pt", "log.jsonl", "configuration.json"
@@ -29,6 +31,8 @@ WEIGHTS = {"landmark_loss": 1.0, "template_loss": 1.0, "cell_loss": 0.5}
 """Of the losses in their sum."""
 WARM_UP = 0.05
 """Share of the steps in which the learning rate rises; after them it falls like a cosine."""
+BFLOAT16 = ("avx512_bf16", "amx_bf16", "amx", "arm_bf16")
+"""Names of torch for what a processor needs to compute with bfloat16."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +47,8 @@ class Configuration:
         learning_rate: the greatest.
         weight_decay: of AdamW.
         cells: drawn from each view pair.
-        held_out: one photograph in so many is kept for validation.
+        held_out: one place in so many is kept for validation; most are a photograph each.
+        real: share of the photographs in a batch that are seen with another one of their place.
         seed: of weights, regions and views.
         every: steps from one validation and checkpoint to the next.
     """
@@ -55,6 +60,7 @@ class Configuration:
     weight_decay: float = 1e-2
     cells: int = 16
     held_out: int = 8
+    real: float = 0.3
     seed: int = 0
     every: int = 250
 
@@ -64,6 +70,31 @@ class Configuration:
         for name in ("width", "cells", "held_out", "every"):
             if getattr(self, name) < 1:
                 raise SettingsError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if not 0 <= self.real <= 1:
+            raise SettingsError(f"real must be from 0 to 1, not {self.real}")
+
+    def with_batches_of(self, pairs: int) -> "Configuration":
+        """Return the configuration with smaller or larger batches.
+
+        Args:
+            pairs: view pairs in a batch of the first shape; the others change in proportion.
+
+        Raises:
+            SettingsError: that is less than the regions of two photographs.
+        """
+        first = self.shapes[0]
+        if pairs < 2 * first.regions:
+            raise SettingsError(f"--batch-size must be at least {2 * first.regions}, not {pairs}")
+        factor = pairs / (first.photographs * first.regions)
+        shapes = tuple(
+            dataclasses.replace(shape, photographs=max(2, round(shape.photographs * factor)))
+            for shape in self.shapes
+        )
+        return dataclasses.replace(self, shapes=shapes)
+
+    def further(self) -> "Configuration":
+        """Return the configuration of a training that goes on from trained weights."""
+        return dataclasses.replace(self, learning_rate=self.learning_rate / 4)
 
 
 FULL = Configuration()
@@ -76,50 +107,53 @@ SMALL = Configuration(
 
 
 def train(
-    training: list[Photograph],
-    validation: list[Photograph],
+    training: TrainingSet,
+    validation: TrainingSet,
     configuration: Configuration,
     out: Path,
     *,
+    start: Path | None = None,
     jobs: int = 1,
     progress: Callable[[int, Row | None], None] | None = None,
 ) -> LandmarkNetwork:
     """Train the network, or go on where a training into `out` was stopped.
 
     Args:
-        training: photographs to draw regions from.
-        validation: photographs to measure recall on.
+        training: photographs to draw regions from, and those of one place.
+        validation: the same, to measure recall on.
         configuration: what to do.
         out: folder of checkpoint and log.
+        start: network to begin with; random weights where None.
         jobs: processes that make batches, beside the one that trains; 0: that one makes them.
         progress: called with each step and, where there is one, its line of the log.
 
     Raises:
         SettingsError: `jobs` is negative.
         TrainingError: there are too few photographs, or `out` holds a training with another
-            configuration or other photographs, or a damaged one.
+            configuration, start or other photographs, or a damaged one, or `start` is no network.
         OSError: the checkpoint or the log cannot be written; the checkpoint before is kept.
     """
     if jobs < 0:
         raise SettingsError(f"--jobs must be at least 0, not {jobs}")
-    if len(training) < 2:
-        raise TrainingError(
-            f"{len(training)} photographs of at least 64x64 pixels are too few to train on"
-        )
+    count = len(training.photographs)
+    if count < 2:
+        raise TrainingError(f"{count} photographs of at least 64x64 pixels are too few to train on")
     out.mkdir(parents=True, exist_ok=True)
-    _check_configuration(configuration, training, validation, out)
+    _check_configuration(configuration, training, validation, start, out)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     with _deterministic(configuration.seed):
-        trained = _Training(configuration, device)
+        network = _first_network(configuration, training, start)
+        trained = _Training(configuration, network, device)
         first = trained.resume(out / CHECKPOINT)
         batches = Batches(
             training,
             configuration.shapes,
+            real=configuration.real,
             seed=configuration.seed,
             first=first,
             steps=configuration.steps,
         )
-        start = time.perf_counter()
+        began = time.perf_counter()
         # Set before the processes are forked: those of a parent with threads of OpenCV would hang.
         with RowFile(out / LOG) as log, _opencv_on_one_core():
             loader = DataLoader(batches, batch_size=None, num_workers=jobs)
@@ -128,27 +162,38 @@ def train(
                 row = None
                 if step % configuration.every == 0 or step == configuration.steps:
                     row = {"step": step, **trained.summary(validation)}
-                    row["seconds"] = time.perf_counter() - start
+                    row["seconds"] = time.perf_counter() - began
                     trained.save(out / CHECKPOINT, step)
                     log.append(row)
                 if progress is not None:
                     progress(step, row)
-    network: LandmarkNetwork = trained.network.eval().cpu()
-    return network
+    result: LandmarkNetwork = trained.network.eval().cpu()
+    return result
+
+
+def _first_network(
+    configuration: Configuration, training: TrainingSet, start: Path | None
+) -> LandmarkNetwork:
+    if start is None:
+        return LandmarkNetwork(configuration.width)
+    shapes, seed, real = configuration.shapes, configuration.seed, configuration.real
+    return network_of(start, Batches(training, shapes, real=real, seed=seed, first=0, steps=1)[0])
 
 
 class _Training:
     """The network, its optimizer and the losses since the last summary."""
 
-    def __init__(self, configuration: Configuration, device: torch.device) -> None:
+    def __init__(
+        self, configuration: Configuration, network: LandmarkNetwork, device: torch.device
+    ) -> None:
         self._configuration = configuration
         self._device = device
-        network = LandmarkNetwork(configuration.width)
         self.network = network.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimizer = torch.optim.AdamW(
             network.parameters(), weight_decay=configuration.weight_decay
         )
         self._losses: list[dict[str, float]] = []
+        self._brief = device.type == "cuda" or _computes_bfloat16()
 
     def step(self, batch: Batch, step: int) -> None:
         """Take one step of the optimizer."""
@@ -166,7 +211,7 @@ class _Training:
         """Return the losses of `WEIGHTS`; that of landmarks only for views of a landmark's size."""
         self.network.train()
         views = torch.cat([batch.near, batch.far]).to(self._device).float()
-        with torch.autocast(self._device.type, torch.bfloat16):
+        with torch.autocast(self._device.type, torch.bfloat16, enabled=self._brief):
             cells, landmarks = self.network(views.contiguous(memory_format=torch.channels_last))
         near, far = cells.float().chunk(2)
         same = batch.same.to(self._device)
@@ -182,8 +227,8 @@ class _Training:
             losses["landmark_loss"] = contrastive_loss(near, far, same)
         return losses
 
-    def summary(self, validation: list[Photograph]) -> Row:
-        """Return mean losses since the last call, and recall on the validation photographs."""
+    def summary(self, validation: TrainingSet) -> Row:
+        """Return mean losses since the last call, and recall on what was held out."""
         row: Row = {}
         for name in WEIGHTS:
             own = [losses[name] for losses in self._losses if name in losses]
@@ -214,6 +259,12 @@ class _Training:
             ) from error
 
 
+def _computes_bfloat16() -> bool:
+    """Return whether the processor does; torch is nine times slower with it where it does not."""
+    capabilities = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+    return any(capabilities.get(name) for name in BFLOAT16)
+
+
 def learning_rate(configuration: Configuration, step: int) -> float:
     """Return the learning rate of a step, counted from 1."""
     done = step / configuration.steps
@@ -224,19 +275,23 @@ def learning_rate(configuration: Configuration, step: int) -> float:
 
 def _check_configuration(
     configuration: Configuration,
-    training: list[Photograph],
-    validation: list[Photograph],
+    training: TrainingSet,
+    validation: TrainingSet,
+    start: Path | None,
     out: Path,
 ) -> None:
     content: dict[str, Any] = dataclasses.asdict(configuration)
-    content["training"] = [photograph.name for photograph in training]
-    content["validation"] = [photograph.name for photograph in validation]
+    for name, part in (("training", training), ("validation", validation)):
+        content[name] = [photograph.name for photograph in part.photographs]
+        content[f"{name} pairs"] = len(part.pairs)
+    if start is not None:
+        content["start"] = hashlib.sha256(start.read_bytes()).hexdigest()
     text = json.dumps(content, indent=1)
     file = out / CONFIGURATION
     if file.exists() and file.read_bytes() != text.encode():
         raise TrainingError(
-            f"{out} holds a training with another configuration or other photographs: choose "
-            "another folder"
+            f"{out} holds a training with another configuration, start or other photographs: "
+            "choose another folder"
         )
     file.write_text(text, encoding="utf-8")
 

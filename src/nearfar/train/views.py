@@ -30,6 +30,8 @@ TEXTURE, TEXTURE_PIXELS, ATTEMPTS = 16.0, 8, 6
 regions to draw before one without is taken."""
 MOST_SAMPLES = 1.5
 """Pixels of the photograph for one of a view, along a side; more would alias."""
+SAME = np.eye(3)
+"""Maps a photograph to itself."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,13 @@ def overlaps(regions: list[Region]) -> NDArray[np.float64]:
 
 
 def view_pair(
-    photograph: Photograph, region: Region, side: int, rng: np.random.Generator
+    photograph: Photograph,
+    region: Region,
+    side: int,
+    rng: np.random.Generator,
+    *,
+    far: Photograph | None = None,
+    far_from_near: Matrix3 = SAME,
 ) -> ViewPair:
     """Draw two views of a region, with a scale change from 1 to 16.
 
@@ -122,19 +130,25 @@ def view_pair(
         region: what both views show.
         side: that the views will be resized to, in pixels; neither has more than twice as many.
         rng: of all that is drawn.
+        far: the photograph that the far view is taken from; None: the same.
+        far_from_near: affine, maps pixels of `photograph` to those of `far`.
     """
     square = outline(side, side)
-    near = region.corners()
-    far = _seen_from_aside(region, rng)
-    near_detail = min(2 * side, max(LEAST_PIXELS, round(max(region.width, region.height))))
+    straight, aside = region.corners(), _seen_from_aside(region, rng)
+    pixels = max(region.width, region.height)
     change = MOST_SCALE_CHANGE ** rng.uniform(0, 1)
-    detail = min(2 * side, max(LEAST_PIXELS, round(max(region.width, region.height) / change)))
-    view_from_near, view_from_far = (_homography(corners, square) for corners in (near, far))
+    seen = pixels * min(1.0, math.sqrt(abs(np.linalg.det(far_from_near[:2, :2]))))
+    view_from_near, view_from_far = (_homography(corners, square) for corners in (straight, aside))
     return ViewPair(
-        _view(photograph, far, detail),
-        _view(photograph, near, near_detail),
+        _view(far or photograph, transform(far_from_near, aside), _detail(seen / change, side)),
+        _view(photograph, straight, _detail(pixels, side)),
         view_from_far @ np.linalg.inv(view_from_near),
     )
+
+
+def _detail(pixels: float, side: int) -> int:
+    """Return the pixels along the side of a view that shows so many of a photograph."""
+    return min(2 * side, max(LEAST_PIXELS, round(pixels)))
 
 
 def _seen_from_aside(region: Region, rng: np.random.Generator) -> Coordinates:
