@@ -36,6 +36,7 @@ from nearfar.methods import METHODS, Method
 from nearfar.mirroring import mirrored, of_the_original, with_hint
 from nearfar.models import MODEL_KINDS, Answer, ModelKind, Task
 from nearfar.proposals import PROPOSERS
+from nearfar.runtime.threads import blas_on_one_thread
 from nearfar.runtime.timing import StageTimer, Watcher
 from nearfar.settings import Settings
 from nearfar.storage.feature_store import FeatureStore
@@ -172,7 +173,9 @@ class Localizer:
     def _found(
         self, method: Method[Any], task: Task, far: Image, near: Image, timer: StageTimer
     ) -> Localization:
-        answer = method.localize(self._extract(far, timer), self._extract(near, timer), task, timer)
+        with blas_on_one_thread():
+            features = self._extract(far, timer), self._extract(near, timer)
+            answer = method.localize(*features, task, timer)
         return self._localization(task, answer, far, near, timer)
 
     def _mirrored(

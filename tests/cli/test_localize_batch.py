@@ -126,6 +126,8 @@ def test_options_of_one_pair_are_refused_for_many(
         ([far, *near, "--near-mask", far], "--near-mask"),
         ([far, *near, "--top", "2"], "--top"),
         ([far, *near, "--jobs", "0"], "--jobs"),
+        ([far, *near, "--threads", "0"], "--threads"),
+        ([far, *near, "--threads", "2", "--jobs", "2"], "--threads is for one process"),
         ([far, "--pairs", batch.pairs], "leave out FAR"),
         (["--pairs", batch.pairs, "--far-mask", far], "--far-mask"),
         (["--pairs", tmp_path / "no.csv"], "no.csv"),

@@ -1,7 +1,7 @@
 """The adaptive localizer at the public surface: real photographs, far reduced or tilted."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -183,10 +183,22 @@ def test_textureless_images_fail(photograph: Photograph) -> None:
         assert found.confidence == 0
 
 
-def test_the_same_images_give_the_same_answer(photograph: Photograph) -> None:
+@pytest.fixture
+def threads() -> Iterator[Callable[[int], None]]:
+    """Sets the number of threads, until the test ends."""
+    before = cv2.getNumThreads()
+    yield cv2.setNumThreads
+    cv2.setNumThreads(before)
+
+
+def test_the_same_images_give_the_same_answer_with_any_number_of_threads(
+    photograph: Photograph, threads: Callable[[int], None]
+) -> None:
     pair = set_small(photograph("coffee"), photograph("chelsea"), 14, (200, 150))
     localizer = Localizer()
+    threads(2)
     first, again = (localizer.localize(pair.far, pair.near) for _ in range(2))
+    threads(1)
     fresh = localize(pair.far, pair.near)
     assert without_seconds(first) == without_seconds(again) == without_seconds(fresh)
     assert first.points.far.tobytes() == fresh.points.far.tobytes()

@@ -155,6 +155,7 @@ def localize_command(
         raise SettingsError("--export needs a folder to write to: --save DIR")
     chosen = with_weights(settings, weights)
     cameras = _cameras(intrinsics, far_camera, near_camera)
+    work.take_threads()
     if batch.asked(near):
         _check_options(batch, far_mask, near_mask, top)
         known = None if cameras is None else read_cameras(cameras)

@@ -13,6 +13,7 @@ from nearfar.maps import DEFAULTS, PACKAGES
 from nearfar.maps.sources import ImagePoses, read_source
 from nearfar.maps.world.prior import Prior
 from nearfar.runtime import logs, require
+from nearfar.runtime.threads import use_threads
 from nearfar.runtime.workers import Workers
 from nearfar.settings import Effort, Settings
 from nearfar.storage.locations import Url, location
@@ -55,6 +56,10 @@ class Workplace:
     jobs: int = 1
     """Number of local processes that share the work."""
 
+    threads: int | None = None
+    """Number of threads for one pair or one query, by default one for each core. Each of several
+    --jobs has one."""
+
     scheduler: str | None = None
     """Address of a Dask scheduler. Its workers do the work instead."""
 
@@ -72,8 +77,21 @@ class Workplace:
         """
         if self.jobs < 1:
             raise SettingsError(f"--jobs must be at least 1, not {self.jobs}")
+        self.take_threads()
         logs.start(self.log_format)
         return Workers(self.jobs, self.scheduler, extra)
+
+    def take_threads(self) -> None:
+        """Use as many threads as asked for.
+
+        Raises:
+            SettingsError: that is less than 1, or there are several jobs, which have one each.
+        """
+        if self.threads is None:
+            return
+        if self.jobs > 1 or self.scheduler is not None:
+            raise SettingsError("--threads is for one process: leave it out, or --jobs")
+        use_threads(self.threads)
 
 
 WorkOptions = Annotated[Workplace, Parameter(name="*", group="Run")]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Coordinates, IndexPairs, Vectors
 from nearfar.features.keypoints import Keypoints
 from nearfar.runtime.deadline import check
+from nearfar.runtime.threads import in_order
 
 Similarity = Callable[[Vectors, Vectors], NDArray[np.float32]]
 """Maps (N, D) and (M, D) descriptors to (N, M) values, larger for more similar descriptors."""
@@ -50,12 +51,16 @@ def mutual_nearest(far: Vectors, near: Vectors, similarity: Similarity) -> Index
     near_of_far = np.empty(len(far), np.intp)
     far_of_near = np.zeros(len(near), np.intp)
     best = np.full(len(near), -np.inf, np.float32)
-    for rows in _blocks(len(far), len(near), BLOCK_VALUES):
+
+    def compared(rows: slice) -> tuple[slice, NDArray[np.intp], NDArray[np.intp], Vectors]:
         check()
         block = similarity(far[rows], near)
-        near_of_far[rows] = block.argmax(axis=1)
         nearest = block.argmax(axis=0)
-        value = block[nearest, np.arange(len(near))]
+        return rows, block.argmax(axis=1), nearest, block[nearest, np.arange(len(near))]
+
+    blocks = _blocks(len(far), len(near), BLOCK_VALUES)
+    for rows, of_far, nearest, value in in_order(compared, blocks):
+        near_of_far[rows] = of_far
         better = value > best
         far_of_near[better] = nearest[better] + rows.start
         best[better] = value[better]
@@ -86,16 +91,18 @@ def second_similarity(
         (N,) similarities; -inf where there is no second neighbour.
     """
     neighbourhoods = None if others_xy is None else _Neighbourhoods(others_xy, fginn_radius)
-    second = np.empty(len(vectors), np.float32)
-    for rows in _blocks(len(vectors), len(others), BLOCK_VALUES):
+
+    def compared(rows: slice) -> NDArray[np.float32]:
         check()
         block = similarity(vectors[rows], others)
         if neighbourhoods is not None:
             for row, index in enumerate(nearest[rows]):
                 block[row, neighbourhoods.around(index)] = -np.inf
         block[np.arange(len(block)), nearest[rows]] = -np.inf
-        second[rows] = block.max(axis=1)
-    return second
+        return np.asarray(block.max(axis=1))
+
+    blocks = _blocks(len(vectors), len(others), BLOCK_VALUES)
+    return np.concatenate([np.empty(0, np.float32), *in_order(compared, blocks)])
 
 
 @dataclass(frozen=True, eq=False)

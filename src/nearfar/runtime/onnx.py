@@ -46,6 +46,8 @@ def session(model: bytes, device: str = "cpu") -> "onnxruntime.InferenceSession"
     threads = os.environ.get("OMP_NUM_THREADS", "")
     options.intra_op_num_threads = int(threads) if threads.isdigit() else 0
     options.use_deterministic_compute = True
+    # Waiting threads would take the cores that other work of the same pair needs.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
         return onnxruntime.InferenceSession(

@@ -4,13 +4,16 @@ import math
 import os
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from itertools import islice
+from typing import Any, Protocol, TypeVar
 
 from nearfar.arrays import Coordinates, Mask
 from nearfar.runtime.deadline import OutOfTime, until
+
+T = TypeVar("T")
 
 
 class Watcher(Protocol):
@@ -79,6 +82,16 @@ class StageTimer:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def timed(self, name: str, items: Iterable[T]) -> Iterator[T]:
+        """Yield some items and add the time that each takes to come to stage `name`."""
+        coming = iter(items)
+        while True:
+            with self.stage(name):
+                one = list(islice(coming, 1))
+            if not one:
+                return
+            yield one[0]
 
 
 @dataclass(frozen=True)

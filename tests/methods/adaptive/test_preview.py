@@ -81,7 +81,8 @@ def test_clear_hypotheses_come_at_once_and_then_the_best_of_the_others() -> None
         asked.append(each.support)
         return found[int(each.support)]
 
-    order = worth_zooming(batch, significance, DEFAULT.zoom)
+    previewed = ((each, significance(each)) for each in batch)
+    order = worth_zooming(previewed, DEFAULT.zoom)
     assert next(order).support == 1
     assert asked == [0, 1]
     assert next(order).support == 4

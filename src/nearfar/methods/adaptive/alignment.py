@@ -23,6 +23,7 @@ from nearfar.imaging.warp import resized, warped
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.search import Pyramid, distinct, unit
 from nearfar.runtime.deadline import check
+from nearfar.runtime.threads import in_order
 
 
 class Frame:
@@ -157,7 +158,10 @@ def align(
     ]
     for frame in later:
         moved = _aligned(far, moved, frame, constants)[: constants.kept_later]
-    found = [replace(each, support=later[-1].similarity(far, each)) for each, _ in moved]
+    likeness = in_order(lambda pair: later[-1].similarity(far, pair[0]), moved)
+    found = [
+        replace(each, support=support) for support, (each, _) in zip(likeness, moved, strict=True)
+    ]
     found.sort(key=lambda each: -each.support)
     return distinct(found, near.size, len(found))
 
@@ -176,7 +180,11 @@ def _aligned(
         frame: the frame.
         constants: of the alignment.
     """
-    moved = [(_near(frame.aligned(far, each), origin, constants), origin) for each, origin in begun]
+    aligned = in_order(lambda pair: frame.aligned(far, pair[0]), begun)
+    moved = [
+        (_near(each, origin, constants), origin)
+        for each, (_, origin) in zip(aligned, begun, strict=True)
+    ]
     kept = [(each, origin) for each, origin in moved if each is not None]
     return sorted(kept, key=lambda pair: -pair[0].support)
 

@@ -34,6 +34,7 @@ from nearfar.methods.adaptive.zoom import Matched, guided_matches, region
 from nearfar.methods.points import tuned_estimator
 from nearfar.models import Answer, Excluded, Task
 from nearfar.runtime.deadline import OutOfTime
+from nearfar.runtime.threads import in_order
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 from nearfar.verification.overlay import excluded_by
@@ -169,17 +170,16 @@ class Adaptive:
             seen = isinstance(hypothesis, SecondHypothesis) or hypothesis.source == "expected"
             if seen or not self._zooms(hypothesis.source):
                 return None
-            with pair.timer.stage("zoom"):
-                matched = preview.matches(hypothesis)
+            matched = preview.matches(hypothesis)
             if matched is None:
                 return None
-            with pair.timer.stage("estimation"):
-                limits = self._constants.acceptance
-                step, size = hypothesis.source, pair.far.size
-                found = attempt([matched], pair.task, self._estimator, size, step, constants=limits)
+            limits = self._constants.acceptance
+            step, size = hypothesis.source, pair.far.size
+            found = attempt([matched], pair.task, self._estimator, size, step, constants=limits)
             return found.log10_nfa
 
-        return worth_zooming(batch, significance, self._constants.zoom)
+        found = pair.timer.timed("zoom", in_order(significance, batch))
+        return worth_zooming(zip(batch, found, strict=True), self._constants.zoom)
 
     def _try(self, pair: Pair, hypothesis: Hypothesis) -> Attempt:
         """Match under a hypothesis, and again under the model found if that is promising."""

@@ -6,7 +6,8 @@ for each scale, and its keypoints are turned into the frame of each similarity t
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,7 @@ class Preview:
             most_points=constants.preview_points,
         )
         self._points: LRUCache[int, Keypoints] = LRUCache(KEPT)
+        self._lock = threading.Lock()
 
     def matches(self, hypothesis: Hypothesis) -> Matched | None:
         """Return the matches in a small frame; None where it tells nothing.
@@ -75,14 +77,16 @@ class Preview:
             return None
         per_octave = self._full.preview_scales
         step = min(0, math.ceil(per_octave * math.log2(scale) - 0.5))
-        points = self._points.get(step)
+        with self._lock:
+            points = self._points.get(step)
         if points is None:
             reduced, reduced_from_near = resized(self._near.pixels, 2 ** (step / per_octave))
             found = detect_rootsift(reduced, self._full.contrast, self._small.most_points)
             found = inside(found, reduced_from_near, self._near)
             xy = transform(np.linalg.inv(reduced_from_near), found.xy)
             points = replace(found, xy=xy, scale=found.scale / 2 ** (step / per_octave))
-            self._points[step] = points
+            with self._lock:
+                self._points[step] = points
         xy = transform(small.frame_from_near, points.xy)
         kept = np.all((xy >= -0.5) & (xy <= np.array(small.size) - 0.5), axis=1)
         moved = replace(points, xy=xy, scale=points.scale * scale, angle=points.angle + angle)
@@ -109,23 +113,19 @@ def similarity_of(matrix: Matrix3, size: tuple[int, int]) -> tuple[float | None,
 
 
 def worth_zooming(
-    hypotheses: Iterable[Hypothesis],
-    significance: Callable[[Hypothesis], float | None],
-    constants: ZoomConstants,
+    previewed: Iterable[tuple[Hypothesis, float | None]], constants: ZoomConstants
 ) -> Iterator[Hypothesis]:
     """Yield the hypotheses that a preview does not speak against.
 
     Clear ones are yielded at once, and then the few most significant of the others.
 
     Args:
-        hypotheses: of one batch.
-        significance: decimal logarithm of the number of false alarms in the preview; None where
-            there is no preview.
+        previewed: hypotheses of one batch, with the decimal logarithm of the number of false
+            alarms in the preview; None where there is no preview.
         constants: of the guided matching.
     """
     waiting: list[tuple[float, Hypothesis]] = []
-    for each in hypotheses:
-        found = significance(each)
+    for each, found in previewed:
         if found is None or found < constants.clear_preview:
             yield each
         elif found < constants.least_clear_preview:

@@ -23,6 +23,7 @@ from nearfar.imaging.warp import resized
 from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.simulated_views import FRONTAL, simulate
 from nearfar.methods.adaptive.template_scores import CellTemplate, TemplateBank
+from nearfar.runtime.threads import in_order
 
 BAND_PIXELS = 3_300_000
 """Pixels of a band in which a level is described, which bounds the network's memory."""
@@ -159,7 +160,8 @@ def _features(
     seen, matrix = resized(pixels, scale)
     height, width = seen.shape[:2]
     rows = max(BAND_MARGIN, BAND_PIXELS // width // BAND_MARGIN * BAND_MARGIN)
-    bands = [_band(seen, start, rows, descriptor) for start in range(0, height, rows)]
+    starts = range(0, height, rows)
+    bands = list(in_order(lambda start: _band(seen, start, rows, descriptor), starts))
     return matrix, replace(bands[0], values=np.concatenate([each.values for each in bands]))
 
 
@@ -179,7 +181,9 @@ def templates(
     reduced, matrix = resized(image.pixels, constants.template_side / max(image.size))
     turns = constants.turns
     angles = [360 / turns * turn for turn in range(turns)]
-    return [_template(image, reduced, matrix, angle, descriptor) for angle in angles]
+    return list(
+        in_order(lambda angle: _template(image, reduced, matrix, angle, descriptor), angles)
+    )
 
 
 def search(
@@ -201,7 +205,7 @@ def search(
     if not far.levels or not sought:
         return []
     bank = TemplateBank([_projected(each, far) for each in sought], far.basis.shape[1])
-    peaks = [_peaks(level, bank, sought, most) for level in far.levels]
+    peaks = list(in_order(lambda level: _peaks(level, bank, sought, most), far.levels))
     score, matrices = (np.concatenate(each) for each in zip(*peaks, strict=True))
     order = np.argsort(-score, kind="stable")
     score, matrices = score[order], matrices[order]

@@ -20,6 +20,7 @@ from nearfar.methods.adaptive.hypothesis import Hypothesis
 from nearfar.methods.adaptive.zoom import inside
 from nearfar.models import Task
 from nearfar.runtime.deadline import check
+from nearfar.runtime.threads import in_order
 
 
 @dataclass(frozen=True)
@@ -106,16 +107,17 @@ def view_keypoints(
     """
     factor = min(1.0, constants.longest_sides[part] / max(image.size))
     small, small_from_image = resized(image.pixels, factor)
-    found = []
-    for view in views:
+
+    def detected(view: View) -> Keypoints:
         check()
         seen, view_from_small = simulate(small, view)
         view_from_image = view_from_small @ small_from_image
         points = detect_rootsift(seen, constants.contrast, constants.points_per_view[part])
         points = inside(points, view_from_image, image)
         places = transform(np.linalg.inv(view_from_image), points.xy)
-        found.append(replace(points, xy=places))
-    return Keypoints.concatenated(found)
+        return replace(points, xy=places)
+
+    return Keypoints.concatenated(list(in_order(detected, views)))
 
 
 def from_views(

@@ -16,6 +16,7 @@ from nearfar.imaging.mask import MaskedImage, usable
 from nearfar.imaging.warp import warped
 from nearfar.methods.adaptive.votes import Tentative, matches_of
 from nearfar.runtime.deadline import check
+from nearfar.runtime.threads import in_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +96,10 @@ class Region:
         """Return the keypoints of the far image in the frame."""
         return self._keypoints(self.far_seen, self.frame_from_far, self.far)
 
+    def near_points(self) -> Keypoints:
+        """Return the keypoints of the near image in the frame."""
+        return self._keypoints(self.near_seen, self.frame_from_near, self.near)
+
     @functools.cached_property
     def far_seen(self) -> RGBPixels:
         """Return the far image in the frame."""
@@ -113,7 +118,7 @@ class Region:
             near: keypoints of the near image in the frame; None detects them there.
         """
         if near is None:
-            near = self._keypoints(self.near_seen, self.frame_from_near, self.near)
+            _, near = in_order(lambda points: points(), (lambda: self.far_points, self.near_points))
         radius = max(reach * float(np.hypot(*self.size)), self.constants.least_reach)
         found = _matched_within(radius, self.far_points, near, self.constants)
         return Matched(
