@@ -43,7 +43,7 @@ from nearfar.networks.resnet50 import STAGES
 from nearfar.presets import PAPER
 from nearfar.proposals import PROPOSERS
 from nearfar.settings import Settings
-from nearfar.storage.rows import Row
+from nearfar.storage.rows import Row, RowFile, read_rows
 
 MONTREAL_PAIRS = 31
 SUFFIXES = {".jpg", ".jpeg", ".png", ".ppm"}
@@ -159,13 +159,26 @@ def cost_of(rows: Sequence[Row], boxes: int, used: float) -> Cost:
     return Cost(crops / boxes, points / frames, sum(spent.values()) * rate / pairs)
 
 
-def count_boxes(images: Sequence[Path], settings: Settings) -> tuple[list[int], float]:
-    """Return the number of boxes of each image, and CPU seconds of an image."""
+def count_boxes(images: Sequence[Path], settings: Settings, file: Path) -> list[Row]:
+    """Return the number of boxes of each image and the CPU seconds of its proposals.
+
+    Args:
+        images: the images.
+        settings: settings of the proposals.
+        file: JSON Lines with what is counted; a run that was stopped goes on.
+    """
     search = PROPOSERS.create(settings.proposer, settings)
-    pixels = [read_image(image).pixels for image in images]
-    begun = time.process_time()
-    counts = [len(search.propose(each)) for each in pixels]
-    return counts, (time.process_time() - begun) / len(images)
+    counted = {row["image"]: row for row in read_rows(file)}
+    with RowFile(file) as out:
+        for image in map(str, images):
+            if image not in counted:
+                pixels = read_image(image).pixels
+                begun = time.process_time()
+                boxes = len(search.propose(pixels))
+                row = {"image": image, "boxes": boxes, "seconds": time.process_time() - begun}
+                out.append(row)
+                counted[image] = row
+    return [counted[str(image)] for image in images]
 
 
 def measure(cases: Sequence[Case], part: Part, out: Path, frames: int) -> str:
@@ -180,9 +193,15 @@ def measure(cases: Sequence[Case], part: Part, out: Path, frames: int) -> str:
     images = list(dict.fromkeys(image for case in cases for image in (case.far, case.near)))
     some = set(images[:frames])
     few = tuple(case for case in cases if {case.far, case.near} <= some)
-    counts, proposal = count_boxes(images, part.variants[0])
+    out.mkdir(parents=True, exist_ok=True)
+    counted = count_boxes(images, part.variants[0], out / "boxes.jsonl")
+    counts = [int(row["boxes"]) for row in counted]
+    proposal = float(np.mean([row["seconds"] for row in counted]))
+    folder = out / f"frames-{frames}"
+    if folder.exists():
+        raise SystemExit(f"{folder} is of an earlier run, whose time is not known: remove it")
     begun = time.process_time()
-    rows = run_part(replace(part, cases=few), out, disk_bytes=int(5e9))
+    rows = run_part(replace(part, cases=few), folder, disk_bytes=int(5e9))
     used = time.process_time() - begun - proposal * len(some)
     cost = cost_of(rows, sum(counts[:frames]), used)
     boxes = float(np.mean(counts))

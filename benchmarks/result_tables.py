@@ -11,42 +11,69 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import calibration
-import flight
-import matcher_tables
-import overlays
-import paper_ablation_tables
-import repeated_structures
+import study_rows
 
 Rows = list[dict[str, Any]]
 
 
 def _flight(rows: Rows) -> None:
+    import flight
+
     print(json.dumps(flight.summary(rows), indent=1))
 
 
 def _confidence(rows: Rows) -> None:
+    import calibration
+
     calibration.show(rows, by_matcher=False)
 
 
 def _learned(rows: Rows) -> None:
+    import calibration
+
     calibration.show(rows, by_matcher=True)
 
 
 def _ablation(rows: Rows) -> None:
+    import paper_ablation_tables
+
     paper_ablation_tables.show(rows, None)
+
+
+def _matchers(rows: Rows) -> None:
+    import matcher_tables
+
+    matcher_tables.show(rows)
+
+
+def _overlays(rows: Rows) -> None:
+    import overlays
+
+    overlays.show(rows)
+
+
+def _repeated(rows: Rows) -> None:
+    import repeated_structures
+
+    repeated_structures.show(rows)
 
 
 SHOWN: dict[str, tuple[str, Callable[[Rows], None]]] = {
     "ablation": ("paper-claim.md", _ablation),
+    "altitude": ("use-cases.md#low-against-high-altitude", study_rows.of_study("altitude")),
     "confidence": ("adaptive.md#confidence", _confidence),
+    "curve": ("learned.md#scale", study_rows.curve),
     "flight": ("tracking.md#a-made-flight", _flight),
+    "kitti": ("learned.md#kitti", study_rows.of_study("kitti")),
     "learned": ("learned.md#confidence", _learned),
-    "matchers": ("learned.md#image-pairs", matcher_tables.show),
-    "overlays": ("adaptive.md#overlays", overlays.show),
-    "repeated": ("adaptive.md#repeated-structures", repeated_structures.show),
+    "light": ("learned.md#scale-and-light", study_rows.curve),
+    "matchers": ("learned.md#image-pairs", _matchers),
+    "overlays": ("adaptive.md#overlays", _overlays),
+    "pairs": ("adaptive.md#image-pairs", study_rows.of_study("pairs")),
+    "repeated": ("adaptive.md#repeated-structures", _repeated),
 }
-"""The page, and the function that prints the figures, by the stem of the file of rows."""
+"""The page, and the function that prints the figures, by the stem of the file of rows. Modules are
+loaded when they are needed, since some need extras."""
 
 
 def main() -> None:
@@ -54,7 +81,11 @@ def main() -> None:
     default = Path(__file__).parent.parent / "docs" / "results" / "rows"
     parser.add_argument("rows", type=Path, nargs="?", default=default)
     parser.add_argument("--only", choices=sorted(SHOWN))
+    parser.add_argument("--list", action="store_true", help="only print the names of the rows")
     asked = parser.parse_args()
+    if asked.list:
+        print(*SHOWN, sep="\n")
+        return
     for name, (page, show) in SHOWN.items():
         if asked.only in (None, name):
             print(f"\n{page}, from {name}.jsonl\n")

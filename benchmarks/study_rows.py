@@ -1,9 +1,12 @@
 """Keep what the tables of a study need of its rows, and print the tables from what is kept.
 
     python benchmarks/study_rows.py RUN/pairs.jsonl docs/results/rows/pairs.jsonl
+    python benchmarks/study_rows.py RUN/pairs.jsonl rows.jsonl --study altitude PAIRS
 
-copies rows without paths, matrices and settings; numbers are rounded to five digits. Of rows of one
-case and method the last one counts. `result_tables.py` prints the tables of the kept rows.
+copies rows without paths, matrices, settings and times; numbers are rounded to five digits. Of rows
+of one case and method the last one counts. With --study only cases of that study are kept, with its
+tags: a study of the same pairs and methods would give the same rows. `result_tables.py` prints the
+tables of the kept rows.
 """
 
 import argparse
@@ -29,7 +32,7 @@ from nearfar.storage.rows import Row, read_rows
 LEFT_OUT = {
     "far", "near", "far_from_near", "settings", "data", "reason", "matches", "landmark_matches",
     "inliers", "median_error", "scale_change", "agreement", "step", "expected_error",
-    "expected_inside", "licence", "camera", "tilt", "total_scale", "place",
+    "expected_inside", "seconds", "licence", "camera", "tilt", "total_scale", "place",
 }  # fmt: skip
 """Columns and tags that no table needs."""
 DIGITS = 5
@@ -56,13 +59,21 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
+def of_cases(rows: Sequence[Row], study: str, folder: Path) -> list[Row]:
+    """Return the rows of a study's cases, with the group and the tags that they have there."""
+    cases = {case.name: case for case in STUDIES.create(study, EVERY_MODEL).cases(folder)}
+    own = [(row, cases[row["case"]]) for row in rows if row["case"] in cases]
+    return [row | {"group": case.group, "tags": dict(case.tags)} for row, case in own]
+
+
 def of_study(name: str) -> Callable[[Sequence[Row]], None]:
     """Return the function that prints the tables of a study."""
 
     def show(rows: Sequence[Row]) -> None:
         results = [Result.from_dict(row) for row in rows]
         for title, text in STUDIES.create(name, EVERY_MODEL).tables(results).items():
-            print(f"{title}:\n\n{text}\n")
+            if text.count("\n") > 1:  # Times are not kept.
+                print(f"{title}:\n\n{text}\n")
 
     return show
 
@@ -81,10 +92,17 @@ def curve(rows: Sequence[Row]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("rows", type=Path)
+    parser.add_argument("rows", type=Path, nargs="+")
     parser.add_argument("kept", type=Path)
+    parser.add_argument("--study", nargs=2, metavar=("STUDY", "FOLDER"))
+    parser.add_argument("--methods", nargs="*", default=[], help="keep only these methods")
     asked = parser.parse_args()
-    lines = [json.dumps(row) + "\n" for row in slim(read_rows(asked.rows))]
+    rows = [row for file in asked.rows for row in read_rows(file)]
+    if asked.methods:
+        rows = [row for row in rows if row["method"] in asked.methods]
+    if asked.study:
+        rows = of_cases(rows, asked.study[0], Path(asked.study[1]))
+    lines = [json.dumps(row) + "\n" for row in slim(rows)]
     asked.kept.write_text("".join(lines), encoding="utf-8")
 
 
