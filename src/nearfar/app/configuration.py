@@ -16,7 +16,10 @@ class Limits:
         upload_bytes: largest size of one image that is sent.
         body_bytes: largest size of any other request.
         stored_bytes: largest size of all images that were sent and are kept.
-        pixels: largest number of pixels of an image.
+        pixels: largest number of pixels of an image that is decoded as a whole.
+        tiled_pixels: largest number of pixels of a TIFF that is read by parts.
+        tile_bytes: largest size of all tiles that are kept.
+        tiles: number of tiles that wait or are cut at a time.
         requests: number of requests that are served at a time.
         uploads: number of images that are received at a time.
         waiting_jobs: largest number of jobs in the queue.
@@ -37,6 +40,9 @@ class Limits:
     body_bytes: int = MEGABYTE
     stored_bytes: int = 4000 * MEGABYTE
     pixels: int = 100_000_000
+    tiled_pixels: int = 20_000_000_000
+    tile_bytes: int = 1000 * MEGABYTE
+    tiles: int = 24
     requests: int = 48
     uploads: int = 3
     waiting_jobs: int = 12

@@ -76,20 +76,20 @@ class PictureMaker:
     def _made(self, task: MakePicture) -> Ended:
         if task.kind == "png":
             image = read_image(task.file, max_pixels=task.max_pixels)
-            task.out.write_bytes(_encoded(PillowImage.fromarray(image.pixels), "PNG"))
+            task.out.write_bytes(encoded(PillowImage.fromarray(image.pixels), "PNG"))
             return Ended(size=(image.width, image.height))
         image = self._image(task)
         if task.kind == "jpeg":
             picture = PillowImage.fromarray(image.pixels)
             size = reduced_size(*picture.size, task.longest)
             picture.thumbnail(size, PillowImage.Resampling.BOX)
-            task.out.write_bytes(_encoded(picture, "JPEG", quality=92, subsampling=0))
+            task.out.write_bytes(encoded(picture, "JPEG", quality=92, subsampling=0))
         elif task.kind == "warped":
             frame_from_image = np.array(task.frame_from_image, np.float64)
             pixels, cover = rendered(image, frame_from_image, task.width, task.height)
             alpha = np.rint(cover * 255).astype(np.uint8)
             picture = PillowImage.fromarray(np.dstack([pixels, alpha]))
-            task.out.write_bytes(_encoded(picture, "WEBP", quality=90, method=1))
+            task.out.write_bytes(encoded(picture, "WEBP", quality=90, method=1))
         return Ended(size=(image.width, image.height))
 
     def _image(self, task: MakePicture) -> Image:
@@ -105,13 +105,14 @@ class PictureMaker:
         return image
 
 
-def _encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:
+def encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:
+    """Return a picture as the bytes of a file; see Pillow for the kinds and their options."""
     out = io.BytesIO()
     picture.save(out, kind, **options)
     return out.getvalue()
 
 
-def _bound_memory() -> None:
+def bound_memory() -> None:
     """Let requests for more than `MEMORY` fail, where the system can."""
     if sys.platform == "linux":
         import resource
@@ -125,5 +126,5 @@ def _maker(send: Callable[[Message], None]) -> Callable[[MakePicture], Ended]:  
 
 
 if __name__ == "__main__":
-    _bound_memory()
+    bound_memory()
     do_tasks(_maker, TypeAdapter(MakePicture))

@@ -162,6 +162,8 @@ class Ended(Message):
         found: whether the answer is a place.
         outcomes: one for each format of an export.
         size: width and height of the image of a picture, as displayed, in pixels.
+        written: bytes of the tiles that were written.
+        direct: coarsest level of tiles that is read from the file at once.
     """
 
     kind: Literal["ended"] = "ended"
@@ -170,6 +172,8 @@ class Ended(Message):
     found: bool = False
     outcomes: tuple[Outcome, ...] = ()
     size: tuple[int, int] | None = None
+    written: int = 0
+    direct: int = 0
 
 
 Report = StageReport | AttemptReport | Ended

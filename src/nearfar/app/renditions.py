@@ -10,15 +10,16 @@ from cachetools import LRUCache
 from PIL import Image as PillowImage
 
 from nearfar.app.configuration import Limits
-from nearfar.app.errors import BusyError
+from nearfar.app.lanes import Lane
 from nearfar.app.pictures import MakePicture
-from nearfar.app.process import Ended, WorkerProcess
 from nearfar.arrays import Matrix3
 from nearfar.errors import ImageError
 from nearfar.imaging.decoding import FORMATS, quiet_pillow
 from nearfar.imaging.image import ImageInfo
 from nearfar.imaging.tiff import tiff_header
 
+PROGRAM = "nearfar.app.pictures"
+"""Module of a picture process."""
 THUMBNAIL = 320
 LARGEST_FRAME = 3000
 """Longest side of a frame into which an image is warped."""
@@ -44,8 +45,8 @@ class Renditions:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._small = _Lane(limits.requests, limits.picture_seconds)
-        self._large = _Lane(limits.large_pictures, limits.picture_seconds)
+        self._small = Lane(PROGRAM, limits.requests, limits.picture_seconds)
+        self._large = Lane(PROGRAM, limits.large_pictures, limits.picture_seconds)
         self._encoded: LRUCache[tuple[_Key, int], bytes] = LRUCache(_ENCODED_BYTES, len)
         self._sizes: LRUCache[_Key, tuple[int, int]] = LRUCache(_MOST_SIZES)
 
@@ -132,41 +133,11 @@ class Renditions:
             task = MakePicture(
                 kind=kind, file=file, out=out, max_pixels=self._limits.pixels, **options
             )
-            ended = await lane.do(task)
+            ended = await lane.do(task, file)
             if ended.error is not None or ended.size is None:
                 raise ImageError(ended.error or f"{file} cannot be read")
             self._sizes[key] = ended.size
             return b"" if kind == "size" else await asyncio.to_thread(out.read_bytes)
-
-
-class _Lane:
-    """A picture process and the tasks that wait for it.
-
-    Args:
-        most: largest number of tasks that wait or are under way.
-        seconds: longest time of a task.
-    """
-
-    def __init__(self, most: int, seconds: float) -> None:
-        self.worker = WorkerProcess("nearfar.app.pictures")
-        self._most = most
-        self._seconds = seconds
-        self._under_way = 0
-        self._lock = asyncio.Lock()
-
-    async def do(self, task: MakePicture) -> Ended:
-        if self._under_way >= self._most:
-            raise BusyError("too many large images at a time: try again")
-        self._under_way += 1
-        try:
-            async with self._lock, asyncio.timeout(self._seconds):
-                return await self.worker.do(task)
-        except TimeoutError:
-            return Ended(
-                error=f"{task.file} cannot be read within {self._seconds:.0f} seconds: reduce it"
-            )
-        finally:
-            self._under_way -= 1
 
 
 def _is_large(file: Path) -> bool:

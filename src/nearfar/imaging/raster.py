@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from nearfar.arrays import RGBPixels
@@ -91,14 +92,21 @@ class Raster:
             values = dataset.read(
                 self.bands, window=window, out_shape=(3, *size), resampling=Resampling.average
             )
-            cover = dataset.dataset_mask(
-                window=window, out_shape=size, resampling=Resampling.average
-            )
-        there = ((cover >= VALID) | self.alpha_shown) & np.isfinite(values).all(axis=0)
-        with np.errstate(invalid="ignore", over="ignore"):
-            scaled = (values - self.lowest) * (255.0 / (self.largest - self.lowest))
-        shown = np.clip(np.rint(np.nan_to_num(scaled)), 0, 255).astype(np.uint8)
-        pixels = np.ascontiguousarray(np.moveaxis(255 - shown if self.inverted else shown, 0, -1))
+            there = np.full(size, True)
+            if not self.alpha_shown and not _all_valid(dataset):
+                # Without overviews of its mask, GDAL reads all of the mask for a reduced window.
+                cover = dataset.dataset_mask(
+                    window=window, out_shape=size, resampling=Resampling.average
+                )
+                there = cover >= VALID
+        if values.dtype == np.uint8 and (self.lowest, self.largest) == (0, 255):
+            shown = values
+        else:
+            there &= np.isfinite(values).all(axis=0)
+            with np.errstate(invalid="ignore", over="ignore"):
+                scaled = (values - self.lowest) * (255.0 / (self.largest - self.lowest))
+            shown = np.clip(np.rint(np.nan_to_num(scaled)), 0, 255).astype(np.uint8)
+        pixels = np.asarray(cv2.merge(tuple(255 - shown if self.inverted else shown)), np.uint8)
         return MaskedImage(pixels, None if there.all() else there)
 
     def mask(self, tile: Tile) -> PixelMask | None:
@@ -114,6 +122,13 @@ class Raster:
             own = self.masked[tile.top : bottom, tile.left : right]
             used = used & reduced(own, (tile.columns, tile.rows))
         return None if used.all() else without_border(used)
+
+
+def _all_valid(dataset: Any) -> bool:
+    """Return whether no pixel of a dataset is masked."""
+    from rasterio.enums import MaskFlags
+
+    return all(flags == [MaskFlags.all_valid] for flags in dataset.mask_flag_enums)
 
 
 def open_raster(file: Path, mask: MaskSource | None = None, bands: Sequence[int] = ()) -> Raster:

@@ -1,12 +1,15 @@
 """Routes of the web server, one module for each kind of thing, and the parts they use."""
 
+import asyncio
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import Depends, Request
 
 from nearfar.app.annotations import AnnotationStore
 from nearfar.app.configuration import AppConfiguration
+from nearfar.app.deep_zoom import DeepZoom
 from nearfar.app.files import Uploads
 from nearfar.app.formats import Formats
 from nearfar.app.jobs import JobStore
@@ -23,10 +26,23 @@ class Services:
     uploads: Uploads
     library: Library
     renditions: Renditions
+    deep_zoom: DeepZoom
     jobs: JobStore
     runner: Runner
     annotations: AnnotationStore
     formats: Formats
+
+    async def size(self, file: Path) -> tuple[int, int]:
+        """Return width and height of an image, also of one that is shown by parts, in pixels.
+
+        Raises:
+            ImageError: it cannot be read in time, or has too many pixels.
+            BusyError: too many large images wait.
+        """
+        if await asyncio.to_thread(self.deep_zoom.is_needed, file):
+            levels = (await self.deep_zoom.open(file)).levels
+            return levels.width, levels.height
+        return await self.renditions.size(file)
 
     @staticmethod
     def of(configuration: AppConfiguration) -> "Services":
@@ -45,6 +61,7 @@ class Services:
             uploads,
             library,
             renditions,
+            DeepZoom(data / "tiles", limits),
             jobs,
             Runner(jobs, library, limits),
             AnnotationStore(data / "annotations", limits.annotations),

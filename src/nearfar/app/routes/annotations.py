@@ -77,7 +77,7 @@ async def list_annotations(held: Held) -> list[Annotation]:
 async def create_annotation(held: Held, request: AnnotationRequest) -> OpenAnnotation:
     """Create an annotation of two images."""
     files = held.library.file(request.far), held.library.file(request.near)
-    sizes = await held.renditions.size(files[0]), await held.renditions.size(files[1])
+    sizes = await held.size(files[0]), await held.size(files[1])
     names = held.library.name(request.far), held.library.name(request.near)
     return _opened(held.annotations.create(request, names, sizes))
 

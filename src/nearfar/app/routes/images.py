@@ -1,5 +1,6 @@
 """Routes of served folders, the images in them, and images that are sent."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -25,12 +26,25 @@ Element = Annotated[float, Query(allow_inf_nan=False)]
 
 @dataclass(frozen=True)
 class ImageAnswer:
-    """An image; width and height in pixels of the original as displayed."""
+    """An image that can be shown.
+
+    Attributes:
+        ref: its reference.
+        name: its name.
+        width: width of the original as displayed, in pixels.
+        height: height of the original as displayed, in pixels.
+        tiles: whether its picture is reduced, so that tiles show more of it.
+        parts: whether its picture is only a preview, since it is too large for one.
+        direct: coarsest level of tiles that is quick.
+    """
 
     ref: str
     name: str
     width: int
     height: int
+    tiles: bool = False
+    parts: bool = False
+    direct: int = 0
 
 
 @router.get("/folders")
@@ -66,7 +80,8 @@ async def send_image(
         incoming.unlink()
         raise
     upload = held.uploads.keep(name, incoming)
-    return ImageAnswer(f"upload/{upload.digest}", upload.name, width, height)
+    tiles = max(width, height) > LONGEST
+    return ImageAnswer(f"upload/{upload.digest}", upload.name, width, height, tiles)
 
 
 async def _chunks(request: Request) -> AsyncIterator[bytes]:
@@ -85,15 +100,24 @@ async def _chunks(request: Request) -> AsyncIterator[bytes]:
 @router.get("/images/info")
 async def image_info(held: Held, ref: Reference) -> ImageAnswer:
     """Return name and size of an image."""
-    width, height = await held.renditions.size(held.library.file(ref))
-    return ImageAnswer(ref, held.library.name(ref), width, height)
+    file, name = held.library.file(ref), held.library.name(ref)
+    parts = await asyncio.to_thread(held.deep_zoom.is_needed, file)
+    if parts:
+        opened = await held.deep_zoom.open(file)
+        levels = opened.levels
+        return ImageAnswer(ref, name, levels.width, levels.height, True, True, opened.direct)
+    width, height = await held.renditions.size(file)
+    return ImageAnswer(ref, name, width, height, max(width, height) > LONGEST)
 
 
 @router.get("/images/picture")
 async def image_picture(held: Held, ref: Reference, *, thumbnail: bool = False) -> Response:
-    """Return the image as JPEG, reduced where it is very large."""
-    longest = THUMBNAIL if thumbnail else LONGEST
-    picture = await held.renditions.jpeg(held.library.file(ref), longest)
+    """Return the image as JPEG, reduced where it is large, and to a preview where it is huge."""
+    file = held.library.file(ref)
+    if await asyncio.to_thread(held.deep_zoom.is_needed, file):
+        picture = await held.deep_zoom.preview(file)
+    else:
+        picture = await held.renditions.jpeg(file, THUMBNAIL if thumbnail else LONGEST)
     return Response(picture, media_type="image/jpeg", headers=_KEPT)
 
 

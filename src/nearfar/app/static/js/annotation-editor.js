@@ -1,6 +1,5 @@
 /** Marking corresponding points in two images. */
 
-import { loadPicture, pictureAddress } from "./api.js";
 import { exportPanel } from "./annotation-export.js";
 import { AnnotationState } from "./annotation-state.js";
 import { CanvasView } from "./canvas-view.js";
@@ -9,6 +8,7 @@ import { distance, inside, inverse, transform } from "./geometry.js";
 import { facts } from "./job-view.js";
 import { Linked } from "./linked.js";
 import { COLOURS, cross, label, patch, ring, wanted } from "./marks.js";
+import { showImage } from "./show-image.js";
 
 const GRAB = 12;
 const COVERED = 0.13;
@@ -64,7 +64,7 @@ export class AnnotationEditor {
     await Promise.all(["far", "near"].map(async (role) => {
       this.views[role].say("Loading…");
       try {
-        this.views[role].show(await loadPicture(pictureAddress(annotation[role])), annotation[`${role}_size`]);
+        await showImage(this.views[role], annotation[role]);
       } catch {
         this.views[role].say("This image is not there any more. The points are kept.");
       }

@@ -14,7 +14,8 @@ async function answered(path, options = {}) {
     let response;
     try {
       response = await fetch(path, options);
-    } catch {
+    } catch (error) {
+      if (options.signal?.aborted) throw error;
       throw new RequestError(0, "The server does not answer. Is nearfar app still running?");
     }
     if (response.status === 503 && attempt < RETRIES) {
@@ -82,6 +83,14 @@ export const imageInfo = (ref) => get("/api/images/info", { ref });
 
 export function pictureAddress(ref, thumbnail = false) {
   return `/api/images/picture?${new URLSearchParams(thumbnail ? { ref, thumbnail: "true" } : { ref })}`;
+}
+
+export const tileAddress = (ref, level, column, row) => `/api/images/tile?${new URLSearchParams({ ref, level, column, row })}`;
+
+/** A picture that can be given up while it is loaded; asked for again where the server is busy. */
+export async function fetchPicture(address, signal) {
+  const response = await answered(address, { signal });
+  return createImageBitmap(await response.blob());
 }
 
 export function warpedAddress(ref, homography, width, height) {

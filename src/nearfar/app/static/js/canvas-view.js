@@ -20,6 +20,7 @@ export class CanvasView extends EventTarget {
     this.message = h("p", { class: "canvas-message" });
     this.element = h("div", { class: "canvas-view" }, this.canvas, this.message);
     this.picture = null;
+    this.tiles = null;
     this.size = [1, 1];
     this.scale = 1;
     this.origin = [0, 0];
@@ -37,18 +38,30 @@ export class CanvasView extends EventTarget {
     this.#listen();
   }
 
-  /** @param {HTMLImageElement|null} picture possibly reduced @param {number[]} size of the original */
-  show(picture, size) {
+  /**
+   * @param {HTMLImageElement|null} picture possibly reduced
+   * @param {number[]} size of the original
+   * @param {import("./tile-layer.js").TileLayer|null} tiles parts that show more than the picture
+   */
+  show(picture, size, tiles = null) {
+    this.#drop();
     this.picture = picture;
+    this.tiles = tiles;
     this.size = size;
     this.message.textContent = "";
     this.fit();
   }
 
   say(text) {
+    this.#drop();
     this.picture = null;
     this.message.textContent = text;
     this.redraw();
+  }
+
+  #drop() {
+    this.tiles?.close();
+    this.tiles = null;
   }
 
   get width() { return this.element.clientWidth; }
@@ -102,7 +115,7 @@ export class CanvasView extends EventTarget {
   }
 
   #limited(scale) {
-    const least = Math.min(1, Math.max(this.fitScale, 1e-3)) * 0.5;
+    const least = Math.min(1, Math.max(this.fitScale, 1e-4)) * 0.5;
     return Math.min(MOST_ENLARGED, Math.max(least, scale));
   }
 
@@ -134,6 +147,7 @@ export class CanvasView extends EventTarget {
     context.imageSmoothingEnabled = this.scale < SMOOTH_UP_TO;
     context.imageSmoothingQuality = "high";
     this.place(context, this.picture, [-0.5, -0.5, this.size[0] - 0.5, this.size[1] - 0.5]);
+    if (this.tiles && this.scale > this.picture.naturalWidth / this.size[0]) this.tiles.draw(context, this);
     for (const layer of this.layers) {
       context.save();
       layer(context, this);
@@ -141,6 +155,7 @@ export class CanvasView extends EventTarget {
     }
     const { scale, origin: [x, y] } = this;
     Object.assign(this.element.dataset, { scale, x, y });
+    if (this.tiles) this.element.dataset.tiles = this.tiles.whole ? "whole" : "loading";
     this.dispatchEvent(new Event("drawn"));
   }
 

@@ -140,6 +140,11 @@ export function patch(canvas, view, point, scale) {
   const [width, height] = view.size;
   const left = side / 2 - (point[0] + 0.5) * scale, top = side / 2 - (point[1] + 0.5) * scale;
   context.drawImage(view.picture, left, top, width * scale, height * scale);
+  const origin = [side / 2 - point[0] * scale, side / 2 - point[1] * scale];
+  view.tiles?.draw(context, {
+    scale, width: side, height: side,
+    toScreen: (p) => p.map((at, i) => at * scale + origin[i]), toImage: (p) => p.map((at, i) => (at - origin[i]) / scale),
+  }, false);
   const centre = { toScreen: () => [side / 2, side / 2] };
   cross(context, centre, [0, 0], "#fff", { arm: side / 5, gap: 5, width: 1.2 });
 }

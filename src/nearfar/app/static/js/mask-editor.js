@@ -1,10 +1,10 @@
 /** A dialog to draw the areas of an image that must not be used: rectangles and polygons. */
 
-import { loadPicture, pictureAddress } from "./api.js";
 import { CanvasView } from "./canvas-view.js";
 import { dialog, h, iconButton } from "./dom.js";
 import { distance } from "./geometry.js";
 import { areas as drawAreas, cross, polygon, ring } from "./marks.js";
+import { showImage } from "./show-image.js";
 
 const CLOSE = 12, STEP = 8, FAST = 5;
 const MOST_AREAS = 50, MOST_CORNERS = 200;
@@ -50,8 +50,7 @@ class MaskEditor {
         h("button", { type: "button", class: "primary", id: "mask-done", onclick: () => close(this.areas) }, "Use mask")));
     this.#choose("rectangle");
     this.view.say("Loading…");
-    loadPicture(pictureAddress(image.ref)).then((picture) => {
-      this.view.show(picture, this.size);
+    showImage(this.view, image.ref).then(() => {
       this.view.canvas.focus();
       this.element.dataset.ready = "true";
     }, (error) => this.view.say(error.message));

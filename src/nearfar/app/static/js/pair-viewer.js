@@ -1,6 +1,5 @@
 /** The far and the near image with what was found: side by side, blended, or under a swipe. */
 
-import { imageInfo, loadPicture, pictureAddress } from "./api.js";
 import { CanvasView } from "./canvas-view.js";
 import { Divider } from "./divider.js";
 import { h, iconButton, refill } from "./dom.js";
@@ -11,6 +10,7 @@ import { COLOURS, areas, box, cross, dots, polygon, ring, topEdge, unverified } 
 import { MatchCard } from "./match-card.js";
 import { drawMatchLines } from "./match-lines.js";
 import { warpedOverlay } from "./overlay.js";
+import { showImage } from "./show-image.js";
 import { stepName } from "./wording.js";
 
 const NEAREST = 14;
@@ -146,15 +146,13 @@ export class PairViewer {
       return null;
     }
     try {
-      const info = await imageInfo(ref);
-      if (this.data !== data) return null;
-      name.textContent = `${info.name} · ${info.width} × ${info.height}`;
-      name.title = name.textContent;
-      view.canvas.setAttribute("aria-label", `${view === this.far ? "Far" : "Near"} image ${info.name}`);
-      const picture = await loadPicture(pictureAddress(ref));
-      if (this.data !== data) return null;
-      view.show(picture, [info.width, info.height]);
-      return [info.width, info.height];
+      return await showImage(view, ref, (info) => {
+        if (this.data !== data) return false;
+        name.textContent = `${info.name} · ${info.width} × ${info.height}`;
+        name.title = name.textContent;
+        view.canvas.setAttribute("aria-label", `${view === this.far ? "Far" : "Near"} image ${info.name}`);
+        return true;
+      });
     } catch (error) {
       if (this.data === data) view.say(error.message);
       return null;
