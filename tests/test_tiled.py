@@ -1,6 +1,7 @@
 """A close-up of a panorama is found in a window of it."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,10 +9,11 @@ import pytest
 
 from nearfar import Localizer
 from nearfar.arrays import RGBPixels
-from nearfar.errors import SettingsError
+from nearfar.errors import ImageError, SettingsError
 from nearfar.geometry.homography import transform
+from nearfar.imaging.raster import open_raster
 from nearfar.settings import Settings
-from nearfar.tiled import localize_in_tiles
+from nearfar.tiled import localize_in_raster, localize_in_tiles
 
 SETTINGS = Settings(max_size=400, max_effort="points")
 
@@ -42,6 +44,31 @@ def test_a_close_up_is_found_in_a_panorama(panorama: RGBPixels) -> None:
     inliers = found.points.inliers
     reprojected = transform(np.asarray(found.far_from_near), found.points.near[inliers])
     assert np.median(np.abs(reprojected - found.points.far[inliers])) < 1
+
+
+def test_a_close_up_is_found_in_a_tiff_that_is_too_large(
+    panorama: RGBPixels, tmp_path: Path
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    far = tmp_path / "far.tif"
+    size = {"width": 4000, "height": 300, "count": 3, "dtype": "uint8", "crs": "EPSG:32633"}
+    size |= {"transform": rasterio.Affine(0.1, 0, 5e5, 0, -0.1, 5e6)}
+    with rasterio.open(far, "w", driver="GTiff", photometric="RGB", **size) as dataset:
+        dataset.write(np.moveaxis(panorama[:, :4000], -1, 0))
+    near = cv2.resize(panorama[20:280, 2820:3080], (520, 520), interpolation=cv2.INTER_CUBIC)
+    with rasterio.open(far, "r+") as dataset:  # Each photograph is there once.
+        dataset.write(np.full((3, 300, 2400), 90, np.uint8), window=((0, 300), (0, 2400)))
+    localizer = Localizer(SETTINGS.replace(max_pixels=10**6))
+    with pytest.raises(ImageError, match="more than the limit"):
+        localizer.localize(far, near)
+    found = localize_in_raster(localizer, open_raster(far), near)
+    corners = np.array([[-0.5, -0.5], [519.5, 519.5]])
+    truth = [[2819.5, 19.5], [3079.5, 279.5]]
+    np.testing.assert_allclose(transform(np.asarray(found.far_from_near), corners), truth, atol=1)
+    assert (found.far.path, found.far.width, found.far.height) == (far, 4000, 300)
+    noise = np.random.default_rng(0).integers(0, 255, (200, 200, 3), np.uint8)
+    missed = localize_in_raster(localizer, open_raster(far), noise, model="fundamental")
+    assert "window" not in str(missed.reason)
 
 
 def test_what_is_in_no_window_has_failed(panorama: RGBPixels) -> None:

@@ -103,8 +103,8 @@ class Localizer:
 
     def localize(
         self,
-        far: ImageSource,
-        near: ImageSource,
+        far: ImageSource | Image,
+        near: ImageSource | Image,
         *,
         model: ModelKind | None = None,
         intrinsics: IntrinsicsSource | GivenCameras | None = None,
@@ -118,8 +118,8 @@ class Localizer:
 
         Args:
             far: path or array (RGB, see the setting `channels`) of the image that shows more of the
-                scene, smaller.
-            near: path or array of the image that shows the scene larger.
+                scene, smaller; or an image that was read and reduced already.
+            near: path or array of the image that shows the scene larger, or an image.
             model: kind of model; where None, pose with the intrinsics of both cameras, and
                 homography without.
             intrinsics: cameras, see `read_intrinsics`; their distortion is undone for every model.
@@ -128,7 +128,8 @@ class Localizer:
             expected: approximate `far_from_near`, homographies between the original images, that
                 are tried before any other guess; only the method `adaptive` uses them.
             far_mask: file or array as large as the far image, 0 where it must not be used, as on
-                overlays, cars or the sky; nothing is detected, described or compared there.
+                overlays, cars or the sky; nothing is detected, described or compared there. An
+                image that was read already has its own mask.
             near_mask: the same for the near image.
             watcher: is told of each stage as it begins and, by the method `adaptive`, of each
                 attempt.
@@ -208,7 +209,9 @@ class Localizer:
         if features.nbytes <= self._features.maxsize:
             self._features[key] = features
 
-    def _read(self, source: ImageSource, mask: MaskSource | None) -> Image:
+    def _read(self, source: ImageSource | Image, mask: MaskSource | None) -> Image:
+        if isinstance(source, Image):
+            return source
         settings = self.settings
         return read_image(
             source,

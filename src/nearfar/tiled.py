@@ -8,7 +8,7 @@ import dataclasses
 import itertools
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -16,11 +16,14 @@ from nearfar.arrays import Boxes, Matrix3
 from nearfar.errors import SettingsError
 from nearfar.geometry.homography import normalized, translation
 from nearfar.imaging.image import Image, ImageInfo, ImageSource, read_image
-from nearfar.imaging.mask import MaskSource, PixelMask
+from nearfar.imaging.mask import MaskSource, PixelMask, filled, without_border
+from nearfar.imaging.raster import Raster
+from nearfar.imaging.tiles import Tile, reduced_size
 from nearfar.landmarks import LandmarkMatches
 from nearfar.localization import Localization, PointMatches
 from nearfar.localizer import Localizer
-from nearfar.models import MODEL_NAMES
+from nearfar.models import MODEL_NAMES, ModelKind
+from nearfar.runtime.timing import Watcher
 from nearfar.settings import Settings
 
 OVERLAP = 0.5
@@ -39,8 +42,9 @@ def localize_in_tiles(
 ) -> Localization:
     """Find the homography of a near image in windows of a far image, by their points.
 
-    The far image is held in memory once; of the windows, features of about 1 GB are. The budget of
-    the settings bounds the windows and the search of the whole image together.
+    The far image is held in memory once; of the windows, features of about 1 GB are. TIFFs of any
+    size are searched by `localize_in_raster`. The budget of the settings bounds the windows and the
+    search of the whole image together.
 
     Args:
         whole: what `Localizer.localize` found in the whole far image.
@@ -65,36 +69,105 @@ def localize_in_tiles(
         raise SettingsError("windows of FAR (--far-tiles) know no cameras: leave these out")
     if whole.localized or chosen.max_size == 0 or max(_size(whole.far)) <= chosen.max_size:
         return whole
-    far_image, near_image = (
-        read_image(
-            each,
-            max_pixels=chosen.max_pixels,
-            mask=mask,
-            bands=chosen.bands,
-            channels=chosen.channels,
-        )
-        for each, mask in ((far, far_mask), (near, near_mask))
+    far_image, near_image = _read(far, far_mask, chosen), _read(near, near_mask, chosen)
+
+    def window(left: int, top: int, side: int) -> tuple[ImageSource, PixelMask | None]:
+        part = np.s_[top : top + side, left : left + side]
+        return np.ascontiguousarray(far_image.pixels[part]), _part(far_image, part)
+
+    return _in_windows(whole, window, near_image, chosen)
+
+
+def localize_in_raster(
+    localizer: Localizer,
+    raster: Raster,
+    near: ImageSource,
+    *,
+    model: ModelKind = "homography",
+    near_mask: MaskSource | None = None,
+    watcher: Watcher | None = None,
+) -> Localization:
+    """Localize in a TIFF of any size: reduced first, then window by window, each from its file.
+
+    One reduced window is held in memory at a time, so the file may have more pixels than
+    `max_pixels`. For other models than a homography no windows are searched.
+
+    Args:
+        localizer: localizes in the reduced TIFF; its settings hold for the windows too.
+        raster: the far image.
+        near: path or array of the image that shows the scene larger.
+        model: kind of model.
+        near_mask: see `Localizer.localize`.
+        watcher: is told of each stage, and of the attempts in the reduced TIFF.
+
+    Returns:
+        See `localize_in_tiles`.
+
+    Raises:
+        ImageError: an image cannot be read.
+    """
+    chosen = localizer.settings
+    everything = _image(raster, 0, 0, max(raster.width, raster.height), chosen.max_size)
+    whole = localizer.localize(everything, near, model=model, near_mask=near_mask, watcher=watcher)
+    if whole.localized or model != "homography" or max(_size(whole.far)) <= chosen.max_size:
+        return whole
+    if watcher is not None:
+        watcher.on_stage("windows")
+
+    def window(left: int, top: int, side: int) -> tuple[Image, PixelMask | None]:
+        part = _image(raster, left, top, side, chosen.max_size)
+        return part, part.mask
+
+    return _in_windows(whole, window, _read(near, near_mask, chosen), chosen)
+
+
+def _image(raster: Raster, left: int, top: int, side: int, max_size: int) -> Image:
+    """Return a window of a TIFF, reduced, as an image of its own."""
+    width, height = min(side, raster.width - left), min(side, raster.height - top)
+    tile = Tile(left, top, width, height, *reduced_size(width, height, max_size))
+    found = raster.read_masked(tile)
+    pixels, mask = found.pixels, found.mask
+    if mask is not None:
+        pixels, mask = filled(pixels, mask), without_border(mask)
+    return Image(pixels, width, height, raster.file, mask)
+
+
+def _read(source: ImageSource, mask: MaskSource | None, settings: Settings) -> Image:
+    return read_image(
+        source,
+        max_pixels=settings.max_pixels,
+        mask=mask,
+        bands=settings.bands,
+        channels=settings.channels,
     )
-    deadline = time.perf_counter() + chosen.budget - sum(whole.seconds.values())
+
+
+def _in_windows(
+    whole: Localization,
+    window: Callable[[int, int, int], tuple[ImageSource | Image, PixelMask | None]],
+    near: Image,
+    settings: Settings,
+) -> Localization:
+    """Search windows until one holds the near image, or the budget is used up."""
+    deadline = time.perf_counter() + settings.budget - sum(whole.seconds.values())
     localizer = Localizer(
-        chosen.replace(max_effort="points", channels="rgb", bands=""), mirror_hints=False
+        settings.replace(max_effort="points", channels="rgb", bands=""), mirror_hints=False
     )
-    for number, (left, top, side) in enumerate(_windows(*_size(whole.far), chosen.max_size), 2):
-        window = np.s_[top : top + side, left : left + side]
-        used = _part(far_image, window)
-        if used is not None and not used.any():
-            continue
+    for number, (left, top, side) in enumerate(_windows(*_size(whole.far), settings.max_size), 2):
         if time.perf_counter() > deadline:
             break
+        part, used = window(left, top, side)
+        if used is not None and not used.any():
+            continue
         found = localizer.localize(
-            np.ascontiguousarray(far_image.pixels[window]),
-            near_image.pixels,
+            part,
+            near.pixels,
             model="homography",
             far_mask=used,
-            near_mask=_part(near_image, np.s_[:, :]),
+            near_mask=_part(near, np.s_[:, :]),
         )
         log10_nfa = math.inf if found.log10_nfa is None else found.log10_nfa + math.log10(number)
-        if found.localized and log10_nfa <= math.log10(chosen.max_false_alarms):
+        if found.localized and log10_nfa <= math.log10(settings.max_false_alarms):
             return _in_whole(found, (left, top), whole, log10_nfa)
     return dataclasses.replace(whole, reason=f"{whole.reason}; nor is it in a window of it")
 

@@ -14,7 +14,8 @@ from PIL import Image
 from nearfar.app.configuration import Limits
 from nearfar.app.deep_zoom import DeepZoom
 from nearfar.app.errors import BusyError, NotFoundError
-from nearfar.app.zoom_tiles import SIDE, Levels, MakeTile, TileMaker, tile_file
+from nearfar.app.parts import SIDE, Levels
+from nearfar.app.zoom_tiles import MakeTile, TileMaker, tile_file
 from nearfar.errors import ImageError
 from tests.app.attacks import Attack
 from tests.app.browser import Page
@@ -86,7 +87,7 @@ def test_tiles_show_the_image_at_every_level(
 def test_images_that_cannot_be_read_by_parts_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("nearfar.app.zoom_tiles.LARGEST_BLOCK", 3000 * 1000)
+    monkeypatch.setattr("nearfar.app.parts.LARGEST_BLOCK", 3000 * 1000)
     image = Image.fromarray(scene())
     image.save(tmp_path / "strip.tif", compression="tiff_adobe_deflate", tiffinfo={278: HEIGHT})
     image.save(tmp_path / "turned.tif", tiffinfo={274: 6})

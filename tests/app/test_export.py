@@ -339,6 +339,7 @@ def test_a_missing_package_names_its_extra(
         formats=(),
         folder=tmp_path,
         max_pixels=1000,
+        max_tiled_pixels=10**9,
     )
     monkeypatch.setitem(sys.modules, package, None)
     missing = {each.format: each for each in exported(task) if not each.file}

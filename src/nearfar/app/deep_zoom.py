@@ -11,7 +11,8 @@ from typing import Literal
 from nearfar.app.configuration import Limits
 from nearfar.app.errors import NotFoundError
 from nearfar.app.lanes import Lane
-from nearfar.app.zoom_tiles import Levels, MakeTile, preview_file, tile_file
+from nearfar.app.parts import Levels
+from nearfar.app.zoom_tiles import MakeTile, preview_file, tile_file
 from nearfar.errors import ImageError
 from nearfar.imaging.tiff import tiff_header
 

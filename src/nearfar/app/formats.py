@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from nearfar.app.configuration import Limits
 from nearfar.app.errors import BusyError, ConflictError
 from nearfar.app.files import write_whole
 from nearfar.app.library import Library
@@ -127,12 +128,12 @@ class Formats:
 
     Args:
         library: the served folders, whose paths no message shows.
-        max_pixels: largest number of pixels of an image.
+        limits: bounds of the pixels of an image.
     """
 
-    def __init__(self, library: Library, max_pixels: int) -> None:
+    def __init__(self, library: Library, limits: Limits) -> None:
         self._library = library
-        self._max_pixels = max_pixels
+        self._limits = limits
         self._worker = WorkerProcess()
         self._lock = asyncio.Lock()
 
@@ -184,7 +185,8 @@ class Formats:
             images=images,
             formats=formats,
             folder=folder,
-            max_pixels=self._max_pixels,
+            max_pixels=self._limits.pixels,
+            max_tiled_pixels=self._limits.tiled_pixels,
         )
         async with self._lock:
             try:

@@ -43,6 +43,7 @@ class LocalizePair(Message):
         matcher: see `Settings`.
         device: see `Settings`.
         max_pixels: see `Settings`.
+        max_tiled_pixels: limit of TIFFs that are read window by window.
         result: file to write the answer to.
         matches: file to write all matched points to.
         far_mask: areas of the far image that are left out.
@@ -59,6 +60,7 @@ class LocalizePair(Message):
     matcher: str
     device: str
     max_pixels: int
+    max_tiled_pixels: int
     result: Path
     matches: Path
 
@@ -98,6 +100,7 @@ class ExportAnswer(Message):
         formats: names of the formats; empty for all.
         folder: folder to write into.
         max_pixels: see `Settings`.
+        max_tiled_pixels: limit of TIFFs that are read window by window.
     """
 
     kind: Literal["export"] = "export"
@@ -109,6 +112,7 @@ class ExportAnswer(Message):
     formats: tuple[str, ...]
     folder: Path
     max_pixels: int
+    max_tiled_pixels: int
 
 
 WorkerTask = LocalizePair | LocateInMap | ExportAnswer

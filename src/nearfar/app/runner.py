@@ -149,6 +149,7 @@ class Runner:
                 matcher=request.matcher,
                 device=request.device,
                 max_pixels=max_pixels,
+                max_tiled_pixels=self._limits.tiled_pixels,
                 result=result,
                 matches=self._store.matches_file(job),
                 far_mask=request.far_mask,

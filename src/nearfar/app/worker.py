@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nearfar.app.files import write_whole
 from nearfar.app.formats import read_matches, write_matches
+from nearfar.app.parts import windows_of
 from nearfar.app.process import (
     TASK,
     Areas,
@@ -26,17 +27,23 @@ from nearfar.app.process import (
     do_tasks,
 )
 from nearfar.app.results import Step, Steps, localization_result, map_result
-from nearfar.errors import ExportError, MapError, NearfarError
+from nearfar.errors import ExportError, ImageError, MapError, NearfarError
 from nearfar.exports import EXPORTERS, Subject, registered_exporter
 from nearfar.imaging.image import Image, ImageInfo, ImagePair, read_image
+from nearfar.imaging.raster import Raster
+from nearfar.imaging.tiff import tiff_header
+from nearfar.imaging.tiles import Tile, reduced_size
 from nearfar.localization import NO_POINTS, Localization
 from nearfar.localizer import Localizer
 from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
 from nearfar.storage.locations import Location
+from nearfar.tiled import localize_in_raster
 
 MOST_CERTAIN = 0.9995
 """Confidence from which on no figure of it is shown."""
+BUDGET = 600.0
+"""Seconds after which a pair is not sought any further; a job is given up later."""
 CACHE_BYTES = 300_000_000
 """Memory for the features of the images used last."""
 
@@ -71,18 +78,33 @@ class Worker:
             matcher=task.matcher,
             device=task.device,
             max_pixels=task.max_pixels,
+            budget=BUDGET,
         )
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._notify_stage, self._notify_step)
-        found = self._localizer.localize(
-            task.far,
-            task.near,
-            model=task.model,
-            far_mask=mask_of(task.far, task.far_mask, task.max_pixels),
-            near_mask=mask_of(task.near, task.near_mask, task.max_pixels),
-            watcher=steps,
-        )
+        near_mask = mask_of(task.near, task.near_mask, task.max_pixels)
+        large = _large(task.far, task.max_pixels, task.max_tiled_pixels)
+        if large is not None:
+            if task.far_mask:
+                raise ImageError("a far image of this size takes no mask: localize without it")
+            found = localize_in_raster(
+                self._localizer,
+                large,
+                task.near,
+                model=task.model,
+                near_mask=near_mask,
+                watcher=steps,
+            )
+        else:
+            found = self._localizer.localize(
+                task.far,
+                task.near,
+                model=task.model,
+                far_mask=mask_of(task.far, task.far_mask, task.max_pixels),
+                near_mask=near_mask,
+                watcher=steps,
+            )
         write_matches(task.matches, found.points)
         _write(task.result, localization_result(found, steps.best, settings))
         if not found.localized:
@@ -113,6 +135,19 @@ class Worker:
     def _notify_step(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
+
+
+def _large(file: Path, max_pixels: int, max_tiled_pixels: int) -> Raster | None:
+    """Return a TIFF with more pixels than are decoded as a whole; None for other images.
+
+    Raises:
+        ImageError: it cannot be read by parts, or has too many pixels.
+    """
+    header = tiff_header(file)
+    if header is None or header.width * header.height <= max_pixels:
+        return None
+    windows = windows_of(file, max_pixels, max_tiled_pixels)
+    return None if windows is None else windows.raster
 
 
 def in_words(found: Localization) -> str:
@@ -187,6 +222,11 @@ def exported(task: ExportAnswer) -> list[Outcome]:
 def _image(image: ImageInfo, task: ExportAnswer, max_size: int) -> Image:
     if task.images == "blank" or image.path is None:
         return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
+    large = _large(image.path, task.max_pixels, task.max_tiled_pixels)
+    if large is not None:
+        size = reduced_size(image.width, image.height, max_size or Settings().max_size)
+        pixels = large.read(Tile(0, 0, image.width, image.height, *size))
+        return Image(pixels, image.width, image.height, image.path)
     return read_image(image.path, max_size=max_size, max_pixels=task.max_pixels)
 
 

@@ -4,9 +4,8 @@ Level 0 is one tile; each further level has twice the resolution, up to that of 
 are read window by window, so their size costs no memory. Other images are decoded once.
 """
 
-import importlib.util
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -15,27 +14,21 @@ import numpy as np
 from PIL import Image as PillowImage
 from pydantic import TypeAdapter
 
+from nearfar.app.parts import SIDE, Levels, resized, windows_of
 from nearfar.app.pictures import bound_memory, encoded
 from nearfar.app.process import Ended, Message, do_tasks
 from nearfar.arrays import RGBPixels
-from nearfar.errors import ImageError, NearfarError
+from nearfar.errors import NearfarError
 from nearfar.imaging.image import read_image
-from nearfar.imaging.raster import Raster, open_raster, opened
-from nearfar.imaging.tiff import tiff_header
 from nearfar.imaging.tiles import Tile
-from nearfar.runtime import how_to_install
 from nearfar.storage.locations import replaced
 
-SIDE = 512
-"""Side of a tile in pixels."""
 MOST_REDUCED = 8
 """Largest reduction at which a tile is read from stored pixels; coarser ones are made of tiles."""
 SAMPLES = 24
 """Number of samples along the longest side of a preview that is sampled."""
 SAMPLE = 64
 """Side of a sample in pixels."""
-LARGEST_BLOCK = 20_000_000
-"""Largest number of pixels of a block of a TIFF, since all of a block is decoded for any pixel."""
 
 
 class MakeTile(Message):
@@ -63,36 +56,6 @@ class MakeTile(Message):
     row: int = 0
 
 
-@dataclass(frozen=True)
-class Levels:
-    """The levels of a deep zoom of an image.
-
-    Attributes:
-        width: width of the image in pixels.
-        height: height of the image in pixels.
-    """
-
-    width: int
-    height: int
-
-    @property
-    def finest(self) -> int:
-        """Return the number of the level of the original resolution."""
-        return max(0, (-(-max(self.width, self.height) // SIDE) - 1).bit_length())
-
-    def tile(self, level: int, column: int, row: int) -> Tile | None:
-        """Return a tile as a window of the image; None where there is no such tile."""
-        factor = 2 ** (self.finest - level) if 0 <= level <= self.finest else 0
-        left, top = column * SIDE * factor, row * SIDE * factor
-        if not factor or not (0 <= left < self.width and 0 <= top < self.height):
-            return None
-        width, height = (
-            min(SIDE * factor, whole - start)
-            for whole, start in ((self.width, left), (self.height, top))
-        )
-        return Tile(left, top, width, height, -(-width // factor), -(-height // factor))
-
-
 def tile_file(folder: Path, level: int, column: int, row: int) -> Path:
     """Return the file of a tile in the folder of an image."""
     return folder / str(level) / f"{column}-{row}.jpg"
@@ -118,28 +81,6 @@ class _Source(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Windows:
-    """A TIFF that is read window by window."""
-
-    raster: Raster
-    overviews: tuple[int, ...]
-
-    @property
-    def levels(self) -> Levels:
-        return Levels(self.raster.width, self.raster.height)
-
-    def stored(self, factor: int) -> int:
-        return max(each for each in (1, *self.overviews) if each <= factor)
-
-    def read(self, tile: Tile) -> RGBPixels:
-        if self.overviews:
-            return self.raster.read(tile)
-        # OpenCV reduces in half the time of GDAL.
-        stored = replace(tile, columns=tile.width, rows=tile.height)
-        return _resized(self.raster.read(stored), tile)
-
-
-@dataclass(frozen=True, eq=False)
 class _Whole:
     """An image in memory."""
 
@@ -151,7 +92,7 @@ class _Whole:
 
     def read(self, tile: Tile) -> RGBPixels:
         window = self.pixels[tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
-        return _resized(window, tile)
+        return resized(window, tile)
 
 
 class TileMaker:
@@ -183,7 +124,7 @@ class TileMaker:
         key = task.file, status.st_mtime_ns, status.st_size
         if self._source is None or key != self._key:
             self._source = None
-            self._source = _windows(task.file, task.max_pixels, task.max_tiled_pixels)
+            self._source = windows_of(task.file, task.max_pixels, task.max_tiled_pixels)
             if self._source is None:
                 image = read_image(task.file, max_pixels=task.max_pixels)
                 self._source = _Whole(Levels(image.width, image.height), image.pixels)
@@ -276,46 +217,7 @@ class _Cut:
             for each in parts
             if each[0] is not None
         ]
-        return _resized(np.vstack(rows), tile)
-
-
-def _resized(pixels: RGBPixels, tile: Tile) -> RGBPixels:
-    size = tile.columns, tile.rows
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _windows(file: Path, max_pixels: int, max_tiled_pixels: int) -> _Windows | None:
-    """Return a TIFF that can be read window by window; None for images to decode as a whole.
-
-    Raises:
-        ImageError: it has too many pixels, or is too large and cannot be read by windows.
-    """
-    header = tiff_header(file)
-    if header is None or header.orientation != 1:
-        return None
-    size = header.width * header.height
-    if importlib.util.find_spec("rasterio") is None:
-        if size <= max_pixels:
-            return None
-        raise ImageError(
-            f"{file} has {header.width}x{header.height} pixels: to show it by parts, "
-            f"{how_to_install('geo')}"
-        )
-    if size > max_tiled_pixels:
-        raise ImageError(
-            f"{file} has {header.width}x{header.height} pixels, more than the limit of "
-            f"{max_tiled_pixels}: cut or reduce it"
-        )
-    with opened(file) as dataset:
-        palette = dataset.colorinterp[0].name == "palette"
-        rows, columns = max(dataset.block_shapes)
-        overviews = tuple(dataset.overviews(1))
-    if rows * columns > LARGEST_BLOCK or palette:
-        if size <= max_pixels:
-            return None
-        how = "-expand rgb" if palette else "-co TILED=YES"
-        raise ImageError(f"{file} cannot be read by parts: convert it with `gdal_translate {how}`")
-    return _Windows(open_raster(file), overviews)
+        return resized(np.vstack(rows), tile)
 
 
 def _maker(send: Callable[[Message], None]) -> Callable[[MakeTile], Ended]:  # noqa: ARG001

@@ -65,7 +65,7 @@ class Services:
             jobs,
             Runner(jobs, library, limits),
             AnnotationStore(data / "annotations", limits.annotations),
-            Formats(library, limits.pixels),
+            Formats(library, limits),
         )
 
 

@@ -9,6 +9,7 @@ const STAGES = {
   "landmark search": "Searching for the near image",
   zoom: "Zooming in and looking again",
   views: "Trying simulated views",
+  windows: "Searching parts of the far image",
   "searching the map": "Searching the map",
 };
 
