@@ -52,6 +52,17 @@ class Upload:
     name: str
 
 
+@dataclass(frozen=True)
+class StoredUpload(Upload):
+    """An image that was sent, as it is kept.
+
+    Attributes:
+        size: size of the file in bytes.
+    """
+
+    size: int
+
+
 class Uploads:
     """A folder of images that were sent.
 
@@ -89,6 +100,26 @@ class Uploads:
             return str(json.loads(text)["name"])
         except (OSError, ValueError, KeyError):
             return "image"
+
+    def all(self) -> list[StoredUpload]:
+        """Return all uploads, the latest first."""
+        files = [file for file in self.folder.iterdir() if _DIGEST.fullmatch(file.name)]
+        known = [(file.name, file.stat()) for file in files]
+        known.sort(key=lambda each: -each[1].st_mtime)
+        return [StoredUpload(name, self.name(name), status.st_size) for name, status in known]
+
+    def delete(self, digest: str) -> None:
+        """Delete an upload.
+
+        Raises:
+            NotFoundError: it is none.
+        """
+        file = self.file(digest)
+        if not file.is_file():
+            raise NotFoundError("there is no such image")
+        self._stored -= file.stat().st_size
+        file.unlink()
+        file.with_suffix(".json").unlink(missing_ok=True)
 
     async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
         """Take the bytes of a file; it is not known yet, see `keep`.
@@ -143,7 +174,7 @@ class Uploads:
             )
         if self._stored + size > self._limits.stored_bytes:
             raise StoreFullError(
-                "there is no room for further images: delete some in the app's folder, or open "
+                "there is no room for further images: delete some of those that were sent, or open "
                 "images from a folder that the app was started with",
             )
 

@@ -27,7 +27,16 @@ from nearfar.app.errors import (
     TryLaterError,
 )
 from nearfar.app.guard import Guard
-from nearfar.app.routes import Services, annotations, answers, batches, images, tiles
+from nearfar.app.routes import (
+    Services,
+    annotations,
+    answers,
+    batches,
+    images,
+    tiles,
+    uploads,
+    worlds,
+)
 from nearfar.errors import NearfarError, SettingsError
 
 STATIC = Path(__file__).parent / "static"
@@ -59,11 +68,12 @@ def create_app(configuration: AppConfiguration) -> FastAPI:
         await app.state.services.formats.close()
         await app.state.services.renditions.close()
         await app.state.services.deep_zoom.close()
+        await app.state.services.worlds.close()
 
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
     )
-    for module in (images, tiles, annotations, answers, batches):
+    for module in (images, tiles, uploads, annotations, answers, batches, worlds):
         app.include_router(module.router)
     app.add_exception_handler(NearfarError, _refused)
     app.add_exception_handler(OSError, _not_stored)

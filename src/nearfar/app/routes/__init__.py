@@ -16,6 +16,7 @@ from nearfar.app.jobs import JobStore
 from nearfar.app.library import Library
 from nearfar.app.renditions import Renditions
 from nearfar.app.runner import Runner
+from nearfar.app.world import Worlds
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,7 @@ class Services:
     runner: Runner
     annotations: AnnotationStore
     formats: Formats
+    worlds: Worlds
 
     async def size(self, file: Path) -> tuple[int, int]:
         """Return width and height of an image, also of one that is shown by parts, in pixels.
@@ -66,6 +68,7 @@ class Services:
             Runner(jobs, library, limits),
             AnnotationStore(data / "annotations", limits.annotations),
             Formats(library, limits),
+            Worlds(library, jobs, limits),
         )
 
 

@@ -6,6 +6,8 @@ import { batchPage } from "./pages/batch.js";
 import { localizePage } from "./pages/localize.js";
 import { mapPage } from "./pages/map.js";
 import { resultsPage } from "./pages/results.js";
+import { uploadsPage } from "./pages/uploads.js";
+import { worldPage } from "./pages/world.js";
 import { listenForShortcuts, setGlobalShortcuts, setShortcuts, showHelp } from "./shortcuts.js";
 import { setUpTheme } from "./theme.js";
 
@@ -15,6 +17,8 @@ const PAGES = {
   map: ["Map", mapPage],
   results: ["Results", resultsPage],
   annotate: ["Annotate", annotatePage],
+  uploads: ["Sent images", uploadsPage],
+  world: ["World", worldPage],
 };
 
 const main = document.getElementById("main");

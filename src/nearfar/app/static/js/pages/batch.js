@@ -8,6 +8,7 @@ import { badge, notice } from "../job-view.js";
 import { matcherChoice } from "../matcher-choice.js";
 import { setShortcuts } from "../shortcuts.js";
 import { effortName } from "../wording.js";
+import { worldLink } from "./world.js";
 
 const EVERY = 1000;
 
@@ -89,7 +90,7 @@ async function table(main, id, signal) {
     if (held) body.querySelector(`a[href="${held}"]`)?.focus();
   };
   fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/batch" }, "New batch"), h("div", {}, heading, summary)),
-    h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines")),
+    h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines"), worldLink("batch", id)),
     h("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Close-ups" },
       h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Time"].map((text, i) => h("th", { scope: "col", class: i > 2 ? "number" : "" }, text)))), body)));
   while (!signal.aborted) {

@@ -11,6 +11,7 @@ import { offers } from "../offers.js";
 import { PairViewer } from "../pair-viewer.js";
 import { setShortcuts } from "../shortcuts.js";
 import { effortName, stepName } from "../wording.js";
+import { worldLink } from "./world.js";
 
 export async function localizePage(main, [id], signal) {
   if (!id) await start(main);
@@ -52,6 +53,7 @@ async function start(main) {
       h("label", { class: "field", for: "effort" }, "How much to try", effort),
       go),
     choice.element,
+    h("p", { class: "small more-options" }, h("a", { href: "#/uploads" }, "Images that were sent")),
     recent);
   showRecent(recent);
 }
@@ -132,6 +134,7 @@ function answerFacts(job, result, again, viewer) {
     h("div", { class: "side-actions" },
       h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "localization.json" }, icon("download"), "JSON"),
       exportButton(`/api/jobs/${job.id}`),
+      localized && found.model === "homography" && worldLink("job", job.id),
       h("button", { type: "button", onclick: again }, icon("again"), "Again"),
       h("button", { type: "button", onclick: () => annotate(job) }, icon("pencil"), "Annotate")),
   ];

@@ -7,6 +7,7 @@ import { showJob } from "../job-page.js";
 import { badge, confidenceText, facts, notice } from "../job-view.js";
 import { PairViewer } from "../pair-viewer.js";
 import { setShortcuts } from "../shortcuts.js";
+import { worldLink } from "./world.js";
 
 export async function mapPage(main, [id], signal) {
   if (!id) await start(main);
@@ -38,9 +39,11 @@ async function start(main) {
     }
   };
   slot.addEventListener("change", () => { go.disabled = !slot.image; });
+  const look = () => { location.hash = `#/world/map/${encodeURIComponent(choice.querySelector("input:checked").value)}`; };
   setShortcuts("Map", [{ key: "Enter", label: "Enter", what: "locate", act: submit }]);
   const recent = h("section", { class: "recent" });
-  fill(main, intro, h("div", { class: "slots two" }, h("section", { class: "panel" }, h("h2", {}, "Map"), choice), slot.element),
+  fill(main, intro, h("div", { class: "slots two" }, h("section", { class: "panel" }, h("h2", {}, "Map"), choice,
+    h("div", {}, h("button", { type: "button", id: "map-world", onclick: look }, icon("map"), "Its images on the Earth"))), slot.element),
     h("div", { class: "form-row end" }, go), recent);
   showRecent(recent);
 }
@@ -125,7 +128,7 @@ function ranked(job, result) {
     h("p", { class: "verdict good" }, icon("check"), result.answers.length === 1 ? "Found in one image" : `Found in ${result.answers.length} images`),
     h("div", { class: "ranks" }, buttons), detail, candidates(result),
     h("p", { class: "quiet small" }, formatSeconds(total)),
-    h("div", { class: "side-actions" }, h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "location.json" }, icon("download"), "JSON")));
+    h("div", { class: "side-actions" }, h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "location.json" }, icon("download"), "JSON"), worldLink("located", job.id)));
   choose(0);
   return h("div", { class: "with-side" }, viewer.element, side);
 }
