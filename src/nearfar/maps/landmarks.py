@@ -4,8 +4,8 @@ Windows take the place of box proposals, which do not repeat across a large chan
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from itertools import product
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ from nearfar.imaging.mask import PixelMask, usable
 from nearfar.imaging.warp import resized
 from nearfar.networks.landmark_network import CROP, GRANULE, LANDMARKS, landmark_network, part
 from nearfar.networks.runner import MapNetwork
+from nearfar.runtime.threads import in_order
 from nearfar.settings import Settings
 
 DIMENSIONS = 256
@@ -139,19 +140,19 @@ class LandmarkDescriber:
 
     def of_query(self, pixels: RGBPixels) -> Landmarks:
         """Return the landmarks of a query in all rotations, in its pixels."""
-        return Landmarks.joined(list(self._of_query(pixels)))
-
-    def _of_query(self, pixels: RGBPixels) -> Iterator[Landmarks]:
         height, width = pixels.shape[:2]
-        for side in QUERY_SIDES:
-            reduced, reduced_from_query = resized(pixels, side / max(height, width))
-            for degrees in ANGLES:
-                angle = math.radians(degrees)
-                seen, seen_from_reduced = turned(reduced, angle)
-                matrix = seen_from_reduced @ reduced_from_query
-                found = self._windows(seen, matrix, angle, halved=side >= CHECKERBOARD_FROM)
-                least, most = [-0.5, -0.5], [width - 0.5, height - 0.5]
-                yield found[np.all((found.centre >= least) & (found.centre <= most), axis=1)]
+        sizes = {side: resized(pixels, side / max(height, width)) for side in QUERY_SIDES}
+
+        def described(size_and_degrees: tuple[int, int]) -> Landmarks:
+            side, angle = size_and_degrees[0], math.radians(size_and_degrees[1])
+            reduced, reduced_from_query = sizes[side]
+            seen, seen_from_reduced = turned(reduced, angle)
+            matrix = seen_from_reduced @ reduced_from_query
+            found = self._windows(seen, matrix, angle, halved=side >= CHECKERBOARD_FROM)
+            least, most = [-0.5, -0.5], [width - 0.5, height - 0.5]
+            return found[np.all((found.centre >= least) & (found.centre <= most), axis=1)]
+
+        return Landmarks.joined(list(in_order(described, product(QUERY_SIDES, ANGLES))))
 
     def _windows(
         self,

@@ -167,8 +167,7 @@ class Adaptive:
         """Yield the hypotheses of a batch that a preview does not speak against."""
 
         def significance(hypothesis: Hypothesis) -> float | None:
-            seen = isinstance(hypothesis, SecondHypothesis) or hypothesis.source == "expected"
-            if seen or not self._zooms(hypothesis.source):
+            if isinstance(hypothesis, SecondHypothesis) or not self._zooms(hypothesis.source):
                 return None
             matched = preview.matches(hypothesis)
             if matched is None:
