@@ -146,7 +146,7 @@ def test_blocks_of_distances_do_not_change_the_result(monkeypatch: pytest.Monkey
     rng = np.random.default_rng(2)
     far, near = random_keypoints(rng, 200), random_keypoints(rng, 90)
     whole = nearest_neighbours(far, near)
-    monkeypatch.setattr(nearest, "BLOCK_DISTANCES", 7 * 90)
+    monkeypatch.setattr(nearest, "BLOCK_VALUES", 7 * 90)
     for ours, theirs in zip(nearest_neighbours(far, near), whole, strict=True):
         np.testing.assert_array_equal(ours.index, theirs.index)
         np.testing.assert_array_equal(ours.distance, theirs.distance)

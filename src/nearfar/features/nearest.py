@@ -17,10 +17,8 @@ from nearfar.runtime.threads import in_order
 Similarity = Callable[[Vectors, Vectors], NDArray[np.float32]]
 """Maps (N, D) and (M, D) descriptors to (N, M) values, larger for more similar descriptors."""
 
-BLOCK_VALUES = 16_000_000
-"""Similarities held in memory at a time (64 MB) by the search for mutual nearest neighbours."""
-BLOCK_DISTANCES = 4_000_000
-"""Distances held in memory at a time (16 MB) by the search for two nearest neighbours."""
+BLOCK_VALUES = 4_000_000
+"""Similarities held in memory at a time by each thread (16 MB)."""
 
 
 def negative_squared_distance(far: Vectors, near: Vectors) -> NDArray[np.float32]:
@@ -167,7 +165,7 @@ def nearest_neighbours(far: Keypoints, near: Keypoints) -> tuple[Nearest, Neares
     if not len(far) or not len(near):
         return of_far, of_near
     all_near = np.arange(len(near))
-    for rows in _blocks(len(far), len(near), BLOCK_DISTANCES):
+    for rows in _blocks(len(far), len(near), BLOCK_VALUES):
         similarity = negative_squared_distance(far.descriptors[rows], near.descriptors)
         transposed = similarity.T.copy()
         of_far.update(rows, similarity, all_near)
