@@ -176,6 +176,20 @@ ATTACKS = {
     "an export of a job's folder": Attack(
         "GET", "/api/jobs/..%2f..%2fuploads/export?format=csv", (404,)
     ),
+    "a tile of a file outside": Attack(
+        "GET", f"/api/images/tile?ref={ROOT}/../secret.png&level=0&column=0&row=0", (404,)
+    ),
+    "a tile that is far away": Attack(
+        "GET", f"/api/images/tile?ref={ROOT}/near.png&level=0&column=99999999&row=0", (422,)
+    ),
+    "a tile that there is not": Attack(
+        "GET", f"/api/images/tile?ref={ROOT}/near.png&level=0&column=0&row=9", (404,)
+    ),
+    "the places of a folder outside": Attack("GET", f"/api/maps/world?ref={ROOT}/..", (404,)),
+    "the deletion of a folder": Attack("DELETE", "/api/uploads/..%2f..%2fjobs", (404, 405)),
+    "an export of a batch's folder": Attack(
+        "GET", "/api/batches/..%2f..%2fjobs/answers/export?format=csv", (404,)
+    ),
     "an export of very many formats": Attack(
         "GET",
         f"/api/runs/export?ref={ROOT}&index=0&case=a&method=b" + "&format=csv" * 50,

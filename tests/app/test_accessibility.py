@@ -40,7 +40,8 @@ def test_no_view_has_a_violation(
         "#/localize": "#localize", "#/batch": "#batch", "#/map": "main h1", "#/results": "main h1",
         "#/annotate": "#annotate", f"#/localize/{found}": ".viewer[data-ready]",
         f"#/localize/{missed}": ".side h3, .verdict", f"#/batch/{batch}": "tbody a",
-        f"#/annotate/{note}": ".editor[data-ready]",
+        f"#/annotate/{note}": ".editor[data-ready]", f"#/world/job/{found}": ".empty h2",
+        "#/uploads": "main h1",
     }  # fmt: skip
     wrong = {}
     for theme in ("light", "dark"):

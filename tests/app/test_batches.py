@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import time
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,20 @@ def test_a_batch_lists_failures_first_and_is_exported(
     assert known_pair.error(np.array(json.loads(second["far_from_near"]))) < 2
     lines = server.ask("GET", path + "jsonl").body.decode().splitlines()
     assert [json.loads(line)["status"] for line in lines] == ["failed", "localized"]
+    offered = server.get(f"/api/batches/{batch['id']}/answers/exports")
+    assert {each["format"] for each in offered} >= {"csv", "geojson", "geopackage"}
+    query = "format=csv&format=geojson&format=tum&format=qgis-points"
+    reply = server.ask("GET", f"/api/batches/{batch['id']}/answers/export?{query}")
+    with zipfile.ZipFile(io.BytesIO(reply.body)) as archive:
+        assert set(archive.namelist()) == {
+            "part/matches.csv", "part/footprint.geojson", "not-exported.txt",
+        }  # fmt: skip
+        said = archive.read("not-exported.txt").decode()
+    assert "part.png: tum: " in said
+    assert "part.png: qgis-points: the far image is not georeferenced" in said
+    refused = server.ask("GET", f"/api/batches/{batch['id']}/answers/export?format=odm")
+    assert refused.status == 409
+    assert b"not georeferenced" in refused.body
 
 
 def test_hostile_batches_are_refused(server: Server, files: Files) -> None:
@@ -68,6 +83,16 @@ def test_hostile_batches_are_refused(server: Server, files: Files) -> None:
     assert server.ask("GET", "/api/batches/None").status == 404
 
 
+def tab_names(page: Page, count: int) -> list[str]:
+    """The accessible names of what the Tab key reaches, from the content on."""
+    page.driver.execute_script("document.getElementById('main').focus()")
+    names = []
+    for _ in range(count):
+        page.press("\ue004")
+        names.append(page.focused.accessible_name if page.focused.tag_name != "body" else "")
+    return names
+
+
 def test_a_table_fills_as_the_batch_runs(
     page: Page, files: Files, served: Path, known_pair: KnownPair
 ) -> None:
@@ -76,6 +101,11 @@ def test_a_table_fills_as_the_batch_runs(
     page.find("#batch")
     page.find("input[type=file]").send_keys(str(files[0]))
     page.wait(lambda: page.all(".slot-caption"))
+    form = tab_names(page, 6)
+    assert form[0] == "Remove the far image"
+    assert "Choose a folder" in form
+    assert "What the images show" in form
+    assert "How much to try" in form
     page.click("#batch-folder")
     page.push(served.name, "dialog")
     page.push("close-ups", "dialog")
@@ -86,6 +116,11 @@ def test_a_table_fills_as_the_batch_runs(
     page.wait(lambda: page.all("tbody a") and page.has("1 found, 1 not found"))
     names = [each.text for each in page.all("tbody a")]
     assert names == ["=plain.png", "part.png"]
+    assert tab_names(page, 9) == [
+        "New batch", "All as CSV", "All as JSON lines", "Export all as …", "On the Earth",
+        "Close-ups", "=plain.png", "part.png", "",
+    ]  # fmt: skip
+    assert [each.text for each in page.all("thead th[scope=col]")][:2] == ["State", "Close-up"]
     page.push("part.png", "tbody")
     page.wait(lambda: page.has("part.png in") and page.has("Found"))
     assert not page.errors()

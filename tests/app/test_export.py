@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from nearfar.app.exporting import exported
 from nearfar.app.formats import localization_of_row
 from nearfar.app.process import ExportAnswer
-from nearfar.app.worker import exported
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform
 from nearfar.imaging.image import ImageInfo

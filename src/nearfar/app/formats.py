@@ -21,6 +21,7 @@ from nearfar.app.process import (
     KILLED,
     Ended,
     ExportAnswer,
+    ExportAnswers,
     Outcome,
     WorkerProcess,
     crash_explanation,
@@ -113,6 +114,8 @@ def read_matches(file: Path) -> PointMatches:
 
 SECONDS = 60.0
 """Longest time of an export in seconds."""
+ALL_SECONDS = 300.0
+"""Longest time of an export of all answers of a batch in seconds."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,32 @@ class Formats:
                     raise ConflictError(outcome.reason)
             return await asyncio.to_thread(_download, outcomes, root)
 
+    async def download_all(self, answers: Sequence[KeptAnswer], formats: Sequence[str]) -> Download:
+        """Write the answers of a batch; return one file, or a ZIP archive of several.
+
+        Formats that hold many answers have one file, others a file in a folder of each answer.
+
+        Raises:
+            BusyError: another export is under way.
+            ConflictError: a format has no place for the answers.
+            ImageError: an image cannot be read.
+        """
+        names, chosen = _folders(answers), tuple(dict.fromkeys(formats))
+        with TemporaryDirectory() as folder:
+            root = Path(folder)
+            tasks = []
+            for name, answer in zip(names, answers, strict=True):
+                (root / name).mkdir()
+                tasks.append(self._task(answer, "read", chosen, root / name))
+            task = ExportAnswers(answers=tuple(tasks), formats=chosen, folder=root)
+            ended = await self._ended(task, ALL_SECONDS)
+            if ended.error is not None:
+                said = ended.error
+                for answer in answers:
+                    said = self._said(said, answer)
+                raise ConflictError(said)
+            return await asyncio.to_thread(_download, ended.outcomes, root)
+
     async def close(self) -> None:
         """End the process that writes."""
         await self._worker.end()
@@ -175,9 +204,22 @@ class Formats:
         formats: tuple[str, ...],
         folder: Path,
     ) -> list[Outcome]:
-        if self._lock.locked():
-            raise BusyError("another export is under way: try again")
-        task = ExportAnswer(
+        ended = await self._ended(self._task(answer, images, formats, folder), SECONDS)
+        if ended.error is not None:
+            raise ConflictError(self._said(ended.error, answer))
+        return [
+            each.model_copy(update={"reason": each.reason and self._said(each.reason, answer)})
+            for each in ended.outcomes
+        ]
+
+    def _task(
+        self,
+        answer: KeptAnswer,
+        images: Literal["blank", "read"],
+        formats: tuple[str, ...],
+        folder: Path,
+    ) -> ExportAnswer:
+        return ExportAnswer(
             localization=answer.localization.to_dict(),
             matches=answer.matches,
             far=answer.names.far,
@@ -188,18 +230,16 @@ class Formats:
             max_pixels=self._limits.pixels,
             max_tiled_pixels=self._limits.tiled_pixels,
         )
+
+    async def _ended(self, task: ExportAnswer | ExportAnswers, seconds: float) -> Ended:
+        if self._lock.locked():
+            raise BusyError("another export is under way: try again")
         async with self._lock:
             try:
-                async with asyncio.timeout(SECONDS):
-                    ended = await self._worker.do(task)
+                async with asyncio.timeout(seconds):
+                    return await self._worker.do(task)
             except TimeoutError:
-                ended = Ended(error=crash_explanation(KILLED))
-        if ended.error is not None:
-            raise ConflictError(self._said(ended.error, answer))
-        return [
-            each.model_copy(update={"reason": each.reason and self._said(each.reason, answer)})
-            for each in ended.outcomes
-        ]
+                return Ended(error=crash_explanation(KILLED))
 
     def _said(self, text: str, answer: KeptAnswer) -> str:
         """Return a message with the names of files that a person knows."""
@@ -223,6 +263,16 @@ def image_names(library: Library, far: str, near: str) -> ImageNames:
     if names.far == names.near:
         return ImageNames(f"far/{names.far}", f"near/{names.near}")
     return names
+
+
+def _folders(answers: Sequence[KeptAnswer]) -> list[str]:
+    """Return the name of a folder for each answer, after its near image."""
+    files = [Path(answer.names.near).name for answer in answers]
+    stems = [Path(file).stem for file in files]
+    names = stems if len(set(stems)) == len(stems) else files
+    return (
+        names if len(set(names)) == len(names) else [f"{i}-{name}" for i, name in enumerate(names)]
+    )
 
 
 def _download(outcomes: Sequence[Outcome], root: Path) -> Download:

@@ -118,3 +118,16 @@ def windows_of(file: Path, max_pixels: int, max_tiled_pixels: int) -> Windows | 
         how = "-expand rgb" if palette else "-co TILED=YES"
         raise ImageError(f"{file} cannot be read by parts: convert it with `gdal_translate {how}`")
     return Windows(open_raster(file), overviews)
+
+
+def large_raster(file: Path, max_pixels: int, max_tiled_pixels: int) -> Raster | None:
+    """Return a TIFF with more pixels than are decoded as a whole; None for other images.
+
+    Raises:
+        ImageError: it cannot be read by parts, or has too many pixels.
+    """
+    header = tiff_header(file)
+    if header is None or header.width * header.height <= max_pixels:
+        return None
+    windows = windows_of(file, max_pixels, max_tiled_pixels)
+    return None if windows is None else windows.raster

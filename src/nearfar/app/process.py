@@ -115,7 +115,22 @@ class ExportAnswer(Message):
     max_tiled_pixels: int
 
 
-WorkerTask = LocalizePair | LocateInMap | ExportAnswer
+class ExportAnswers(Message):
+    """Write the answers of a batch: formats that hold many in one file, others in a folder of each.
+
+    Attributes:
+        answers: the answers; the folder of each is that for formats that hold one.
+        formats: names of the formats.
+        folder: folder to write into.
+    """
+
+    kind: Literal["export-all"] = "export-all"
+    answers: tuple[ExportAnswer, ...]
+    formats: tuple[str, ...]
+    folder: Path
+
+
+WorkerTask = LocalizePair | LocateInMap | ExportAnswer | ExportAnswers
 TASK: TypeAdapter[WorkerTask] = TypeAdapter(Annotated[WorkerTask, Field(discriminator="kind")])
 
 

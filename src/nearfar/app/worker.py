@@ -9,31 +9,28 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nearfar.app.exporting import exported, exported_all
 from nearfar.app.files import write_whole
-from nearfar.app.formats import read_matches, write_matches
-from nearfar.app.parts import windows_of
+from nearfar.app.formats import write_matches
+from nearfar.app.parts import large_raster
 from nearfar.app.process import (
     TASK,
     Areas,
     AttemptReport,
     Ended,
     ExportAnswer,
+    ExportAnswers,
     LocalizePair,
     LocateInMap,
     Message,
-    Outcome,
     StageReport,
     WorkerTask,
     do_tasks,
 )
 from nearfar.app.results import Step, Steps, localization_result, map_result
-from nearfar.errors import ExportError, ImageError, MapError, NearfarError
-from nearfar.exports import EXPORTERS, Subject, registered_exporter
-from nearfar.imaging.image import Image, ImageInfo, ImagePair, read_image
-from nearfar.imaging.raster import Raster
-from nearfar.imaging.tiff import tiff_header
-from nearfar.imaging.tiles import Tile, reduced_size
-from nearfar.localization import NO_POINTS, Localization
+from nearfar.errors import ImageError, MapError, NearfarError
+from nearfar.imaging.image import read_image
+from nearfar.localization import Localization
 from nearfar.localizer import Localizer
 from nearfar.maps import DEFAULTS, open_map
 from nearfar.settings import Settings
@@ -64,6 +61,8 @@ class Worker:
         try:
             if isinstance(task, ExportAnswer):
                 return Ended(outcomes=tuple(exported(task)))
+            if isinstance(task, ExportAnswers):
+                return Ended(outcomes=tuple(exported_all(task)))
             return self._localize(task) if isinstance(task, LocalizePair) else self._locate(task)
         except NearfarError as error:
             return Ended(error=str(error))
@@ -84,7 +83,7 @@ class Worker:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._notify_stage, self._notify_step)
         near_mask = mask_of(task.near, task.near_mask, task.max_pixels)
-        large = _large(task.far, task.max_pixels, task.max_tiled_pixels)
+        large = large_raster(task.far, task.max_pixels, task.max_tiled_pixels)
         if large is not None:
             if task.far_mask:
                 raise ImageError("a far image of this size takes no mask: localize without it")
@@ -137,19 +136,6 @@ class Worker:
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
 
 
-def _large(file: Path, max_pixels: int, max_tiled_pixels: int) -> Raster | None:
-    """Return a TIFF with more pixels than are decoded as a whole; None for other images.
-
-    Raises:
-        ImageError: it cannot be read by parts, or has too many pixels.
-    """
-    header = tiff_header(file)
-    if header is None or header.width * header.height <= max_pixels:
-        return None
-    windows = windows_of(file, max_pixels, max_tiled_pixels)
-    return None if windows is None else windows.raster
-
-
 def in_words(found: Localization) -> str:
     """Return scale change and confidence of an answer; near certainty is no certainty."""
     parts, change, confidence = [], found.scale_change, found.confidence
@@ -195,55 +181,6 @@ def _is_served(file: Location, task: LocateInMap) -> bool:
 
 def _write(file: Path, content: dict[str, Any]) -> None:
     write_whole(file, json.dumps(content, allow_nan=False).encode())
-
-
-WITHOUT_MATCHES = frozenset(
-    {"geojson", "geopackage", "geotiff", "kitti", "kml", "kmz", "tum", "world-file"}
-)
-"""Formats that have no place for matched points."""
-
-
-def exported(task: ExportAnswer) -> list[Outcome]:
-    """Write an answer in each format, or say why a format cannot be written.
-
-    Raises:
-        NearfarError: an image, or what was kept, cannot be read.
-    """
-    points = NO_POINTS if task.matches is None else read_matches(task.matches)
-    found = Localization.from_dict(task.localization, points)
-    names = task.formats or EXPORTERS.names()
-    full = any(getattr(EXPORTERS.factory(name), "full_resolution", False) for name in names)
-    near = _image(found.near, task, 0 if full else Settings().max_size)
-    images = ImagePair(_image(found.far, task, Settings().max_size), near)
-    subject = Subject(found, None, task.far, task.near, images)
-    return [_written(name, subject, task) for name in names]
-
-
-def _image(image: ImageInfo, task: ExportAnswer, max_size: int) -> Image:
-    if task.images == "blank" or image.path is None:
-        return Image(np.zeros((1, 1, 3), np.uint8), image.width, image.height, image.path)
-    large = _large(image.path, task.max_pixels, task.max_tiled_pixels)
-    if large is not None:
-        size = reduced_size(image.width, image.height, max_size or Settings().max_size)
-        pixels = large.read(Tile(0, 0, image.width, image.height, *size))
-        return Image(pixels, image.width, image.height, image.path)
-    return read_image(image.path, max_size=max_size, max_pixels=task.max_pixels)
-
-
-def _written(name: str, subject: Subject, task: ExportAnswer) -> Outcome:
-    file = ""
-    try:
-        writer = registered_exporter(name)
-        file = writer.file_name
-        if task.matches is None and name not in WITHOUT_MATCHES:
-            raise ExportError(
-                "it holds matches, which results of a benchmark do not: localize the pair here"
-            )
-        files = writer.write(subject, task.folder / file)
-    except (NearfarError, OSError) as error:
-        return Outcome(format=name, file=file, reason=str(error))
-    inside = (each.relative_to(task.folder).as_posix() for each in files)
-    return Outcome(format=name, file=file, files=tuple(inside))
 
 
 if __name__ == "__main__":

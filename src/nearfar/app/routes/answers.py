@@ -11,7 +11,7 @@ import nearfar
 from nearfar.app.choices import Choice, devices, matchers
 from nearfar.app.configuration import MEGABYTE
 from nearfar.app.errors import ConflictError
-from nearfar.app.formats import KeptAnswer, image_names, kept_localization
+from nearfar.app.formats import Download, KeptAnswer, image_names, kept_localization
 from nearfar.app.jobs import Job, JobRequest, LocalizeRequest
 from nearfar.app.process import Outcome
 from nearfar.app.routes import Held, Services
@@ -140,7 +140,13 @@ def get_run(held: Held, ref: Annotated[str, Query(max_length=4000)]) -> Run:
 _Text = Annotated[str, Query(max_length=4000)]
 
 
-def _of_job(held: Held, job_id: str) -> KeptAnswer:
+def answer_of_job(held: Held, job_id: str) -> KeptAnswer:
+    """Return the answer of a job for a pair.
+
+    Raises:
+        NotFoundError: there is no such job, or no answer of it.
+        ConflictError: it is no job for a pair.
+    """
     job = held.jobs.get(job_id)
     request, library = job.request, held.library
     if not isinstance(request, LocalizeRequest):
@@ -162,7 +168,7 @@ async def _of_row(
     return await kept_row(folder, held.library, held.renditions, index, case, method)
 
 
-OfJob = Annotated[KeptAnswer, Depends(_of_job)]
+OfJob = Annotated[KeptAnswer, Depends(answer_of_job)]
 OfRow = Annotated[KeptAnswer, Depends(_of_row)]
 Names = Annotated[list[str], Query(alias="format", min_length=1, max_length=20)]
 
@@ -192,7 +198,11 @@ async def export_row(held: Held, answer: OfRow, names: Names) -> Response:
 
 
 async def _sent(held: Held, answer: KeptAnswer, names: list[str]) -> Response:
-    file = await held.formats.download(answer, names)
+    return attached(await held.formats.download(answer, names))
+
+
+def attached(file: Download) -> Response:
+    """Return a response that a browser saves as a file."""
     kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
     headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
     return Response(file.content, media_type=kind, headers=headers)

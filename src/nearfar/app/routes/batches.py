@@ -6,7 +6,11 @@ from typing import Literal
 from fastapi import APIRouter, Response
 
 from nearfar.app.batches import Batch, BatchRequest, exported_batch, opened_batch, requests_of
-from nearfar.app.routes import Held
+from nearfar.app.errors import ConflictError
+from nearfar.app.formats import KeptAnswer
+from nearfar.app.process import Outcome
+from nearfar.app.routes import Held, Services
+from nearfar.app.routes.answers import Names, answer_of_job, attached
 
 router = APIRouter(prefix="/api")
 
@@ -44,3 +48,23 @@ def export_batch(held: Held, batch_id: str, layout: Literal["csv", "jsonl"]) -> 
     kind = "text/csv" if layout == "csv" else "application/x-ndjson"
     headers = {"Content-Disposition": f'attachment; filename="batch.{layout}"'}
     return Response(content, media_type=kind, headers=headers)
+
+
+@router.get("/batches/{batch_id}/answers/exports")
+async def formats_of_batch(held: Held, batch_id: str) -> list[Outcome]:
+    """Return all formats, with the reason where the first answer cannot be written."""
+    return await held.formats.offered(_answers(held, batch_id)[0])
+
+
+@router.get("/batches/{batch_id}/answers/export")
+async def export_answers(held: Held, batch_id: str, names: Names) -> Response:
+    """Download all answers of a batch that were found, in one format or several."""
+    return attached(await held.formats.download_all(_answers(held, batch_id), names))
+
+
+def _answers(held: Services, batch_id: str) -> list[KeptAnswer]:
+    jobs = opened_batch(held.jobs, batch_id).jobs
+    found = [answer_of_job(held, job.id) for job in jobs if job.found]
+    if not found:
+        raise ConflictError("no close-up was found, so there is nothing to export")
+    return found

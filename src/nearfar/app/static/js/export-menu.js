@@ -7,9 +7,10 @@ import { formatName } from "./wording.js";
 /**
  * @param {string} path of the answer, below which are `exports` and `export`
  * @param {Object<string, string|number>} query that tells which answer
+ * @param {string} text of the button
  */
-export function exportButton(path, query = {}) {
-  return h("button", { type: "button", id: "export", "aria-haspopup": "dialog", onclick: () => choose(path, query) }, icon("download"), "Export as …");
+export function exportButton(path, query = {}, text = "Export as …") {
+  return h("button", { type: "button", id: "export", "aria-haspopup": "dialog", onclick: () => choose(path, query) }, icon("download"), text);
 }
 
 function choose(path, query) {

@@ -2,6 +2,7 @@
 
 import { get, post } from "../api.js";
 import { fill, formatSeconds, formatTime, h, icon, toast } from "../dom.js";
+import { exportButton } from "../export-menu.js";
 import { pickFolder } from "../file-picker.js";
 import { ImageSlot } from "../image-slot.js";
 import { badge, notice } from "../job-view.js";
@@ -90,7 +91,7 @@ async function table(main, id, signal) {
     if (held) body.querySelector(`a[href="${held}"]`)?.focus();
   };
   fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/batch" }, "New batch"), h("div", {}, heading, summary)),
-    h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines"), worldLink("batch", id)),
+    h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines"), exportButton(`/api/batches/${id}/answers`, {}, "Export all as …"), worldLink("batch", id)),
     h("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Close-ups" },
       h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Time"].map((text, i) => h("th", { scope: "col", class: i > 2 ? "number" : "" }, text)))), body)));
   while (!signal.aborted) {
