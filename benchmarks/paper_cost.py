@@ -223,6 +223,7 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--pairs", type=int, default=500, help="pairs whose boxes are counted")
     parser.add_argument("--frames", type=int, default=8, help="frames that are run")
+    parser.add_argument("--descriptor", nargs="*", default=[], help="of the dry run, not all 24")
     parser.add_argument("--dry-run", action=argparse.BooleanOptionalAction, default=True)
     asked = parser.parse_args()
     weights = asked.out / "made-resnet50.safetensors"
@@ -241,6 +242,8 @@ def main() -> None:
     command = ["nearfar", "bench", "paper", "--dry-run", "--weights", f"resnet50={weights}"]
     for name in ("kitti", "montreal"):
         command += [f"--{name}", str(asked.out / name)]
+    for name in asked.descriptor:
+        command += ["--descriptor", name]
     subprocess.run(
         [sys.executable, "-m", *command, "--out", str(asked.out / "dry")],
         check=True,
