@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from PIL import Image, ImageOps
 from selenium.webdriver.common.action_chains import ActionChains
@@ -27,6 +28,7 @@ from nearfar.app.annotations import fitted, targets
 from nearfar.cli import main as nearfar
 from nearfar.geometry.homography import transform
 from nearfar.render import save_small
+from nearfar.tracking.place import similarity
 
 FOLDER = Path(__file__).parent / "images"
 SHOWN = "IMG_0133"
@@ -67,6 +69,7 @@ def _take(page: Page, server: Server, served: Path, copr: Path) -> None:
         page.press("z")
         _hover(page, _match(server, found))
         _save(_picture(page), "localize")
+        _take_track(page, server, served)
         _take_map(page, server, near)
         _show(page, f"#/results/{server.ref(served / 'run').replace('/', '%2F')}", "table.results")
         _save(_picture(page), "results")
@@ -115,6 +118,35 @@ def _take_map(page: Page, server: Server, query: str) -> None:
     _save(_picture(page), "map")
 
 
+def _take_track(page: Page, server: Server, served: Path) -> None:
+    """Follow a made flight over the overview, of which some frames are hidden."""
+    root = server.ref(served)
+    request = {"kind": "track", "far": f"{root}/overview.png", "frames": f"{root}/flight"}
+    job = server.post("/api/jobs", request | {"fps": 10})["id"]
+    page.wait(lambda: server.get(f"/api/jobs/{job}")["status"] == "done", 600)
+    _show(page, f"#/track/{job}", ".with-side[data-ready]")
+    page.find(".timeline-slider").click()
+    page.wait(lambda: page.all(".frame-link img:not([hidden])"))
+    _save(_picture(page), "track")
+
+
+def _write_flight(overview: Path, folder: Path) -> None:
+    """Write 60 frames over an overview, at 3 to 6 times its resolution; 8 of them are grey."""
+    folder.mkdir()
+    with Image.open(overview) as opened:
+        pixels = np.asarray(opened.convert("RGB"))
+    size, own = (480, 360), np.array([239.5, 179.5, 0, 0])
+    for number in range(60):
+        t = number / 60
+        at = [340 + 1160 * t, 340 + 120 * np.sin(5 * t)]
+        place = np.array([*at, -np.log(4 + 1.5 * np.sin(3 * t)), 0.6 * np.sin(4 * t)])
+        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        frame = cv2.warpPerspective(pixels, similarity(own, place), size, flags=flags)
+        if number in (24, 25, 26, 27, 28, 29, 42, 43):
+            frame = np.full_like(frame, 128)
+        Image.fromarray(frame).save(folder / f"{number}.jpg", quality=92)
+
+
 def _write_images(copr: Path, served: Path, pairs: Path) -> None:
     served.mkdir()
     shutil.copy(copr / "map.png", served / "overview.png")
@@ -128,6 +160,7 @@ def _write_images(copr: Path, served: Path, pairs: Path) -> None:
     for name in COMPARED:
         shutil.copytree(copr / name, pairs / name)
     shutil.copy(copr / "map.png", pairs / "map.png")
+    _write_flight(served / "overview.png", served / "flight")
 
 
 def _do(*words: object) -> None:

@@ -153,6 +153,43 @@ ATTACKS = {
     ),
     "a job on files outside": job(kind="localize", far="/etc/passwd", near=f"{ROOT}/../secret.png"),
     "a map outside": job(kind="locate", folder="folder/../..", query=f"{ROOT}/near.png"),
+    "a camera that is followed outside": job(
+        kind="track", far=f"{ROOT}/near.png", frames=f"{ROOT}/../.."
+    ),
+    "a far image outside for a track": job(kind="track", far="/etc/passwd", frames=ROOT),
+    "frames that are endlessly many": job(
+        kind="track", far=f"{ROOT}/near.png", frames=ROOT, fps=1e9
+    ),
+    "a camera that names a file": job(
+        kind="track", far=f"{ROOT}/near.png", frames=ROOT, camera="/etc/passwd"
+    ),
+    "cameras that name a file": job(
+        kind="localize",
+        far=f"{ROOT}/near.png",
+        near=f"{ROOT}/near.png",
+        far_camera='{"far": "/etc/passwd", "near": null}',
+    ),
+    "a camera that is nested too deeply": job(
+        kind="locate", folder=ROOT, query=f"{ROOT}/near.png", camera="[" * 19_000
+    ),
+    "a pose without cameras": job(
+        kind="localize", far=f"{ROOT}/near.png", near=f"{ROOT}/near.png", model="pose"
+    ),
+    "a track outside": Attack("GET", f"/api/tracks?ref={ROOT}/..", (404,)),
+    "a track that is none": Attack("GET", f"/api/tracks?ref={ROOT}", (404,)),
+    "an export of a track outside": Attack(
+        "GET", f"/api/tracks/export?ref={ROOT}/..&format=csv", (404,)
+    ),
+    "a frame of a file outside": Attack(
+        "GET", f"/api/tracks/frame?ref={ROOT}/../secret.png&seconds=0", (404,)
+    ),
+    "a frame of what is no video": Attack(
+        "GET", f"/api/tracks/frame?ref={ROOT}/notes.png&seconds=0", (422,)
+    ),
+    "a frame at no time": Attack(
+        "GET", f"/api/tracks/frame?ref={ROOT}/near.png&seconds=nan", (422,)
+    ),
+    "a track of a job's folder": Attack("GET", "/api/jobs/..%2f..%2fuploads/track", (404,)),
     "a job of an unknown kind": job(kind="shell", command="id"),
     "a job's folder": Attack("GET", "/api/jobs/..%2f..%2fuploads/result", (404,)),
     "a frame that is too large": Attack(

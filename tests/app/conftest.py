@@ -103,7 +103,7 @@ class Server:
         token: bool = True,
     ) -> Reply:
         """One request; `path` is sent as it is. A body that is no bytes is sent as JSON."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         sent = dict(headers or {})
         if body is not None and not isinstance(body, bytes | Iterator):
             body = json.dumps(body).encode()

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import get_args
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -87,3 +88,47 @@ def test_an_epipolar_geometry_is_shown_by_lines_through_the_matches(
     hidden = view.transform() and view.pixels()[y - 2 : y + 3, x - 2 : x + 3, :3].astype(int)
     assert np.abs(seen - hidden).max() > 25
     assert not page.errors()
+
+
+def test_a_pose_is_told_in_words(page: Page) -> None:
+    page.open("#/localize")
+    page.find("#localize")
+    turned, _ = cv2.Rodrigues(np.array([0.0, np.radians(12), 0]))  # y points down.
+    rolled, _ = cv2.Rodrigues(np.array([0.0, 0, np.radians(5)]))
+    raised, _ = cv2.Rodrigues(np.array([np.radians(7), 0, 0]))
+    words = page.driver.execute_async_script(
+        """
+        const [rotations, directions, done] = arguments;
+        import("/static/js/pose-words.js").then(({ turnInWords, directionInWords }) =>
+          done([...rotations.map(turnInWords), ...directions.map(directionInWords)]));
+        """,
+        [each.tolist() for each in (turned, rolled, raised, np.eye(3), turned @ rolled)],
+        [[0.6, 0, 0.8], [0, -1, -1]],
+    )
+    assert words == [
+        "12.0° to the right", "5.0° clockwise", "7.0° up", "not turned",
+        "12.0° to the right, 5.0° clockwise", "ahead, 36.9° to the right", "behind, 45.0° up",
+    ]  # fmt: skip
+
+
+def test_cameras_are_taken_from_what_is_typed(page: Page, server: Server, files: Files) -> None:
+    page.open("#/localize")
+    page.find("#localize")
+    page.choose(files)
+    pose = page.find("#model option[value=pose]")
+    assert not pose.is_enabled()
+    page.click("details.more-options summary")
+    page.find("#camera option[value=given]").click()
+    page.find("#camera-text").send_keys("/etc/passwd")
+    page.find("#effort option[value=points]").click()
+    page.click("#localize")
+    page.wait(lambda: page.has("no camera file of COLMAP"))
+    page.find("#camera-text").clear()
+    page.find("#camera-text").send_keys("PINHOLE:700,700,320,240")
+    assert pose.is_enabled()
+    page.click("#localize")
+    page.wait(lambda: page.has("Focal length, near"))
+    request = server.get(f"/api/jobs/{page.driver.current_url.rpartition('/')[2]}")["request"]
+    assert request["far_camera"] == request["near_camera"] == "PINHOLE:700,700,320,240"
+    assert page.has("700 px, given")
+    assert len(page.errors()) == 1  # The request that was refused.

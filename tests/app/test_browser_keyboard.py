@@ -13,7 +13,7 @@ from tests.app.conftest import Server
 Files = tuple[Path, Path]
 
 FRAME = ["Skip to the content", "nearfar, start page", "Localize", "Batch", "Map"]
-FRAME += ["Results", "Annotate"]
+FRAME += ["Track", "Results", "Annotate"]
 BUTTONS = ["Colours: system. Change to light", "Keyboard shortcuts"]
 SLOT = ["Choose a file", "From a folder"]
 SWAP = ["Swap far and near"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nearfar.errors import IntrinsicsError
-from nearfar.geometry.camera_files import read_camera, read_intrinsics
+from nearfar.geometry.camera_files import cameras_in_text, read_camera, read_intrinsics
 from nearfar.geometry.intrinsics import CameraIntrinsics, lens_of
 
 K = np.array([[1250.0, 0, 799.5], [0, 1240.0, 599.5], [0, 0, 1]])
@@ -126,3 +126,17 @@ def test_malformed_calibrations_are_refused(tmp_path: Path, content: Any) -> Non
     file = written(tmp_path / "camera.json", json.dumps(content))
     with pytest.raises(IntrinsicsError, match="camera.json"):
         read_camera(file, "query")
+
+
+def test_a_text_is_read_without_opening_files(tmp_path: Path) -> None:
+    for text in ("exif", " PINHOLE:1250,1240,800,600\n", "[1250, 1240, 799.5, 599.5]"):
+        found = cameras_in_text(text)
+        assert found.far == found.near
+    assert cameras_in_text("PINHOLE:1250,1240,800,600").near == CameraIntrinsics(
+        1250, 1240, 799.5, 599.5
+    )
+    assert cameras_in_text('{"far": "exif", "near": [1, 1, 2, 2]}').far == "exif"
+    file = written(tmp_path / "cameras.json", "[1250, 1240, 799.5, 599.5]")
+    for text in (str(file), json.dumps({"far": str(file), "near": None}), "", "[" * 19_000):
+        with pytest.raises(IntrinsicsError):
+            cameras_in_text(text)

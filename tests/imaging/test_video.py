@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nearfar.errors import ImageError, SettingsError
-from nearfar.imaging.video import read_frames, read_sequence
+from nearfar.imaging.video import frame_at, read_frames, read_sequence
 from tests.imaging.made_video import COUNT, RATE, frame, write_video
 
 
@@ -31,6 +31,14 @@ def test_some_frames_a_second(tmp_path: Path, fps: float, taken: list[int]) -> N
     sequence = list(read_sequence(files, rate=RATE, fps=fps))
     assert [each.index for each in sequence] == taken
     np.testing.assert_array_equal(sequence[2].pixels, frame(taken[2]))
+
+
+def test_a_frame_is_found_by_the_time_in_its_name(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "walk.avi")
+    for each in list(read_frames(video))[::5]:
+        found = frame_at(video, float(each.name))
+        assert np.abs(found.astype(int) - each.pixels).mean() < 1
+    np.testing.assert_array_equal(frame_at(video, 99), frame_at(video, (COUNT - 1) / RATE))
 
 
 def test_what_is_no_video_is_refused(tmp_path: Path) -> None:

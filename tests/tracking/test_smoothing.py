@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from nearfar.geometry.plan_view import plan_of
 from nearfar.maps.world.places import QueryPose
 from nearfar.tracking import TrackState
-from nearfar.tracking.plan import plan_of
 from nearfar.tracking.sequences import smooth_sequence
 from nearfar.tracking.smoothing import smoothed
 

@@ -27,6 +27,9 @@ class Limits:
         annotations: largest number of annotations.
         large_pictures: number of pictures of large images that wait or are made at a time.
         job_seconds: longest time of a job.
+        track_seconds: longest time of a job that follows a camera; it can be gone on with.
+        track_frames: largest number of frames of a track.
+        track_bytes: largest size of a file of states that is opened.
         picture_seconds: longest time to decode an image and make a picture of it.
         head_seconds: longest time until the head of a request has arrived.
         body_seconds: longest time until the body of a request has arrived, beside that for its
@@ -50,6 +53,9 @@ class Limits:
     annotations: int = 2000
     large_pictures: int = 8
     job_seconds: float = 900.0
+    track_seconds: float = 7200.0
+    track_frames: int = 20_000
+    track_bytes: int = 100 * MEGABYTE
     picture_seconds: float = 60.0
     head_seconds: float = 10.0
     body_seconds: float = 20.0

@@ -5,7 +5,7 @@ import io
 import os
 import posixpath
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +26,7 @@ from nearfar.app.process import (
     WorkerProcess,
     crash_explanation,
 )
+from nearfar.app.track_tasks import ExportTrack
 from nearfar.errors import ExportError, LocalizationError
 from nearfar.exports.subject import ImageNames
 from nearfar.geometry.homography import footprint
@@ -112,7 +113,7 @@ def read_matches(file: Path) -> PointMatches:
         ) from None
 
 
-SECONDS = 60.0
+SECONDS = 120.0
 """Longest time of an export in seconds."""
 ALL_SECONDS = 300.0
 """Longest time of an export of all answers of a batch in seconds."""
@@ -162,10 +163,7 @@ class Formats:
         with TemporaryDirectory() as folder:
             root = Path(folder)
             outcomes = await self._written(answer, "read", tuple(dict.fromkeys(formats)), root)
-            for outcome in outcomes:
-                if outcome.reason is not None:
-                    raise ConflictError(outcome.reason)
-            return await asyncio.to_thread(_download, outcomes, root)
+            return await asyncio.to_thread(downloaded, outcomes, root)
 
     async def download_all(self, answers: Sequence[KeptAnswer], formats: Sequence[str]) -> Download:
         """Write the answers of a batch; return one file, or a ZIP archive of several.
@@ -204,11 +202,27 @@ class Formats:
         formats: tuple[str, ...],
         folder: Path,
     ) -> list[Outcome]:
-        ended = await self._ended(self._task(answer, images, formats, folder), SECONDS)
+        task = self._task(answer, images, formats, folder)
+        return await self.written(task, lambda text: self._said(text, answer))
+
+    async def written(
+        self, task: ExportAnswer | ExportTrack, said: Callable[[str], str]
+    ) -> list[Outcome]:
+        """Do a task of an export.
+
+        Args:
+            task: what to write.
+            said: returns a message without the folders of this machine.
+
+        Raises:
+            BusyError: another export is under way.
+            ConflictError: nothing can be exported.
+        """
+        ended = await self._ended(task, SECONDS)
         if ended.error is not None:
-            raise ConflictError(self._said(ended.error, answer))
+            raise ConflictError(said(ended.error))
         return [
-            each.model_copy(update={"reason": each.reason and self._said(each.reason, answer)})
+            each.model_copy(update={"reason": each.reason and said(each.reason)})
             for each in ended.outcomes
         ]
 
@@ -231,7 +245,9 @@ class Formats:
             max_tiled_pixels=self._limits.tiled_pixels,
         )
 
-    async def _ended(self, task: ExportAnswer | ExportAnswers, seconds: float) -> Ended:
+    async def _ended(
+        self, task: ExportAnswer | ExportAnswers | ExportTrack, seconds: float
+    ) -> Ended:
         if self._lock.locked():
             raise BusyError("another export is under way: try again")
         async with self._lock:
@@ -273,6 +289,18 @@ def _folders(answers: Sequence[KeptAnswer]) -> list[str]:
     return (
         names if len(set(names)) == len(names) else [f"{i}-{name}" for i, name in enumerate(names)]
     )
+
+
+def downloaded(outcomes: Sequence[Outcome], root: Path) -> Download:
+    """Return the only file that was written, or a ZIP archive of all.
+
+    Raises:
+        ConflictError: a format could not be written.
+    """
+    for outcome in outcomes:
+        if outcome.reason is not None:
+            raise ConflictError(outcome.reason)
+    return _download(outcomes, root)
 
 
 def _download(outcomes: Sequence[Outcome], root: Path) -> Download:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from nearfar.app.cameras import CameraText
 from nearfar.app.choices import Device, MatcherName
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
@@ -36,17 +37,21 @@ class LocalizeRequest(Message):
         device: where a learned matcher runs; see `Settings`.
         far_mask: areas of the far image that are left out.
         near_mask: areas of the near image that are left out.
+        far_camera: camera of the far image; None where it is not known.
+        near_camera: camera of the near image; None where it is not known.
     """
 
     kind: Literal["localize"] = "localize"
     far: Reference
     near: Reference
-    model: Literal["homography", "fundamental"] = "homography"
+    model: Literal["homography", "fundamental", "pose"] = "homography"
     max_effort: Effort = "views"
     matcher: MatcherName = "sift"
     device: Device = "auto"
     far_mask: Areas = ()
     near_mask: Areas = ()
+    far_camera: CameraText | None = None
+    near_camera: CameraText | None = None
 
 
 class LocateRequest(Message):
@@ -57,6 +62,7 @@ class LocateRequest(Message):
         query: the image.
         top: answers that are sought.
         candidates: number of candidates to verify geometrically.
+        camera: camera of the image; None where it is not known.
     """
 
     kind: Literal["locate"] = "locate"
@@ -64,9 +70,31 @@ class LocateRequest(Message):
     query: Reference
     top: int = Field(default=3, ge=1, le=10)
     candidates: int = Field(default=5, ge=1, le=20)
+    camera: CameraText | None = None
 
 
-JobRequest = Annotated[LocalizeRequest | LocateRequest, Field(discriminator="kind")]
+class TrackRequest(Message):
+    """Follow a camera through an image or a map; all are given by reference.
+
+    Attributes:
+        far: the far image, or the folder of a map.
+        frames: folder of images in the order of their names, or a video.
+        fps: images that were taken a second, 1 by default; of a video, frames to take a second, by
+            default all.
+        camera: camera of the frames; None where it is not known.
+        smooth: whether to smooth the path at the end.
+    """
+
+    kind: Literal["track"] = "track"
+    far: Reference
+    frames: Reference
+    fps: float | None = Field(default=None, gt=0, le=1000)
+    camera: CameraText | None = None
+    smooth: bool = False
+
+
+AnyRequest = LocalizeRequest | LocateRequest | TrackRequest
+JobRequest = Annotated[AnyRequest, Field(discriminator="kind")]
 
 
 class StepProgress(Message):
@@ -81,6 +109,22 @@ class StepProgress(Message):
     name: str
     matches: int
     agreeing: int
+
+
+class FrameProgress(Message):
+    """Progress of a track.
+
+    Attributes:
+        done: frames that were followed.
+        total: all frames; None of a video, whose frames are not counted before.
+        found: frames that match.
+        lost: frames whose place is not known; those that neither match nor are lost are predicted.
+    """
+
+    done: int
+    total: int | None
+    found: int
+    lost: int
 
 
 class Job(Message):
@@ -101,6 +145,7 @@ class Job(Message):
         summary: the answer in a few words.
         found: whether the answer is a place.
         batch: id of the batch that it belongs to; None for a job of its own.
+        frames: progress of a track; None of another job, and before the first frame.
     """
 
     id: str
@@ -117,6 +162,7 @@ class Job(Message):
     summary: str = ""
     found: bool = False
     batch: str | None = None
+    frames: FrameProgress | None = None
 
     @property
     def active(self) -> bool:
@@ -163,7 +209,7 @@ class JobStore:
 
     def create(
         self,
-        request: LocalizeRequest | LocateRequest,
+        request: AnyRequest,
         names: Iterable[str],
         batch: str | None = None,
     ) -> Job:
@@ -199,6 +245,10 @@ class JobStore:
     def matches_file(self, job: Job) -> Path:
         """Return the file of all matched points of the answer of a job."""
         return self._folder / job.id / "matches.npz"
+
+    def track_folder(self, job: Job) -> Path:
+        """Return the folder of the states of a job that follows a camera."""
+        return self._folder / job.id / "track"
 
     def result(self, job_id: str) -> dict[str, Any]:
         """Return the answer of a job.

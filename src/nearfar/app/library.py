@@ -15,9 +15,12 @@ from typing import Literal
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import Uploads
 from nearfar.imaging.decoding import image_suffixes
+from nearfar.imaging.kinds import VIDEO_SUFFIXES, is_video_name
 from nearfar.maps.manifest import FILE as MAP_FILE
-from nearfar.storage.locations import is_text
+from nearfar.storage.locations import is_text, natural_key
 
+TRACK_FILE = "track.jsonl"
+"""File of a folder that holds a track, as `nearfar.tracking.journal.STATES` names it."""
 PAGE = 500
 """Largest number of entries of a folder that are listed at a time."""
 MOST_SCANNED = 200_000
@@ -25,7 +28,7 @@ MOST_SCANNED = 200_000
 MOST_SEARCHED = 20_000
 """Largest number of entries that are searched for maps or results, in all folders."""
 
-FolderKind = Literal["folder", "map", "run"]
+FolderKind = Literal["folder", "map", "run", "track"]
 _SEPARATORS = {"\0", "\\", ":"} if os.name == "nt" else {"\0"}
 
 
@@ -36,7 +39,8 @@ class Folder:
     Attributes:
         ref: reference of the folder.
         name: name to show.
-        kind: "map" and "run" (results of a benchmark) are recognized by the files in them.
+        kind: "map", "run" (results of a benchmark) and "track" (a camera that was followed) are
+            recognized by the files in them.
     """
 
     ref: str
@@ -63,6 +67,7 @@ class Listing:
         images: the images in it.
         start: number of entries before those that are listed.
         total: number of entries whose names hold the text that was asked for.
+        videos: the videos in it, where they were asked for.
     """
 
     ref: str
@@ -71,6 +76,7 @@ class Listing:
     images: tuple[ImageFile, ...]
     start: int = 0
     total: int = 0
+    videos: tuple[ImageFile, ...] = ()
 
 
 class Library:
@@ -101,6 +107,15 @@ class Library:
         if not os.path.isfile(path):  # noqa: PTH113 - takes any path, however long
             raise _missing(ref)
         return path
+
+    def place(self, ref: str) -> Path:
+        """Return the file or the folder of a reference.
+
+        Raises:
+            NotFoundError: there is none, or it lies outside the served folders.
+        """
+        path = self._path(ref)
+        return path if os.path.isdir(path) else self.file(ref)  # noqa: PTH112
 
     def folder(self, ref: str) -> Path:
         """Return the folder of a reference.
@@ -137,13 +152,14 @@ class Library:
             text = text.replace(f"{folder}/", "").replace(str(folder), _root_name(folder))
         return text
 
-    def listing(self, ref: str, text: str = "", start: int = 0) -> Listing:
+    def listing(self, ref: str, text: str = "", start: int = 0, *, videos: bool = False) -> Listing:
         """List a page of a folder, sorted; for an empty reference list the served folders.
 
         Args:
             ref: reference of the folder.
             text: list entries alone whose names hold it, in any case.
             start: number of entries to leave out.
+            videos: list videos as well.
 
         Raises:
             NotFoundError: there is no such folder.
@@ -156,21 +172,24 @@ class Library:
             return Listing("", (), tuple(roots), (), total=len(roots))
         path = self.folder(ref)
         wanted = text.casefold()
+        suffixes = self._suffixes | VIDEO_SUFFIXES if videos else self._suffixes
         entries = [
             (not entry.is_dir(), entry.name.lower(), entry.name)
             for entry in _visible(path, MOST_SCANNED)
             if wanted in entry.name.casefold()
-            and (entry.is_dir() or Path(entry.name).suffix.lower() in self._suffixes)
+            and (entry.is_dir() or Path(entry.name).suffix.lower() in suffixes)
         ]
-        folders, images = [], []
-        for is_image, _, name in sorted(entries)[start : start + PAGE]:
+        folders, files = [], []
+        for is_file, _, name in sorted(entries)[start : start + PAGE]:
             inside = f"{ref}/{name}"
-            if is_image:
-                images.append(ImageFile(inside, name))
+            if is_file:
+                files.append(ImageFile(inside, name))
             else:
                 folders.append(Folder(inside, name, _kind(path / name)))
-        found = tuple(folders), tuple(images)
-        return Listing(ref, self._parents(ref), *found, start=start, total=len(entries))
+        images = tuple(each for each in files if not is_video_name(Path(each.name)))
+        found = self._parents(ref), tuple(folders), images
+        shown = tuple(each for each in files if is_video_name(Path(each.name)))
+        return Listing(ref, *found, start=start, total=len(entries), videos=shown)
 
     def find(self, kind: FolderKind) -> list[Folder]:
         """Return all folders of a kind among the first `MOST_SEARCHED` entries."""
@@ -215,6 +234,17 @@ class Library:
         return path
 
 
+def frame_files(folder: Path) -> list[Path]:
+    """Return the images in a folder in the order of their names, without links and hidden ones."""
+    suffixes = image_suffixes()
+    names = [
+        entry.name
+        for entry in _visible(folder, MOST_SCANNED)
+        if entry.is_file() and Path(entry.name).suffix.lower() in suffixes
+    ]
+    return [folder / name for name in sorted(names, key=natural_key)]
+
+
 def _plain(part: str) -> bool:
     """Whether a part of a path names an entry of a folder that is not hidden."""
     allowed = not part.startswith(".") and not set(part) & _SEPARATORS
@@ -237,6 +267,8 @@ def _visible(folder: Path, most: int) -> Iterator[os.DirEntry[str]]:
 def _kind(folder: Path) -> FolderKind:
     if (folder / MAP_FILE).is_file():
         return "map"
+    if (folder / TRACK_FILE).is_file():
+        return "track"
     return "run" if (folder / "run.json").is_file() else "folder"
 
 

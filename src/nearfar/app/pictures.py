@@ -20,6 +20,7 @@ from nearfar.app.process import Ended, Message, do_tasks
 from nearfar.errors import NearfarError
 from nearfar.imaging.image import Image, read_image
 from nearfar.imaging.tiles import reduced_size
+from nearfar.imaging.video import frame_at
 from nearfar.render.draw import rendered
 
 LONGEST = 6000
@@ -34,7 +35,8 @@ class MakePicture(Message):
 
     Attributes:
         kind: "size": decode the file and report its size; "jpeg": the image, reduced; "png": the
-            whole image; "warped": WebP of the image in another frame, transparent outside it.
+            whole image; "warped": WebP of the image in another frame, transparent outside it;
+            "frame": JPEG of a frame of a video.
         file: the image file.
         out: file to write the picture to.
         max_pixels: see `Settings`.
@@ -42,9 +44,10 @@ class MakePicture(Message):
         frame_from_image: homography, pixels of the original image to pixels of the frame.
         width: width of the frame in pixels.
         height: height of the frame in pixels.
+        seconds: time of a frame in its video.
     """
 
-    kind: Literal["size", "jpeg", "png", "warped"]
+    kind: Literal["size", "jpeg", "png", "warped", "frame"]
     file: Path
     out: Path
     max_pixels: int
@@ -52,6 +55,7 @@ class MakePicture(Message):
     frame_from_image: tuple[tuple[float, ...], ...] = ()
     width: int = 1
     height: int = 1
+    seconds: float = 0.0
 
 
 class PictureMaker:
@@ -78,6 +82,8 @@ class PictureMaker:
             image = read_image(task.file, max_pixels=task.max_pixels)
             task.out.write_bytes(encoded(PillowImage.fromarray(image.pixels), "PNG"))
             return Ended(size=(image.width, image.height))
+        if task.kind == "frame":
+            return _frame(task)
         image = self._image(task)
         if task.kind == "jpeg":
             picture = PillowImage.fromarray(image.pixels)
@@ -103,6 +109,16 @@ class PictureMaker:
         if image.pixels.nbytes <= _CACHE_BYTES:
             self._images[key] = image
         return image
+
+
+def _frame(task: MakePicture) -> Ended:
+    """Write a frame of a video as JPEG."""
+    pixels = frame_at(task.file, task.seconds, max_pixels=task.max_pixels)
+    picture = PillowImage.fromarray(pixels)
+    width, height = picture.size
+    picture.thumbnail(reduced_size(width, height, task.longest), PillowImage.Resampling.BOX)
+    task.out.write_bytes(encoded(picture, "JPEG", quality=88))
+    return Ended(size=(width, height))
 
 
 def encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:

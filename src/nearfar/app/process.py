@@ -48,6 +48,8 @@ class LocalizePair(Message):
         matches: file to write all matched points to.
         far_mask: areas of the far image that are left out.
         near_mask: areas of the near image that are left out.
+        far_camera: camera of the far image, as `nearfar.app.cameras` reads it; None if not known.
+        near_camera: camera of the near image.
     """
 
     kind: Literal["localize"] = "localize"
@@ -55,7 +57,9 @@ class LocalizePair(Message):
     near: Path
     far_mask: Areas = ()
     near_mask: Areas = ()
-    model: Literal["homography", "fundamental"]
+    far_camera: str | None = None
+    near_camera: str | None = None
+    model: Literal["homography", "fundamental", "pose"]
     max_effort: Effort
     matcher: str
     device: str
@@ -76,6 +80,7 @@ class LocateInMap(Message):
         candidates: how many candidates to verify geometrically.
         max_pixels: see `Settings`.
         result: file to write the answer to.
+        camera: camera of the image, as `nearfar.app.cameras` reads it; None if not known.
     """
 
     kind: Literal["locate"] = "locate"
@@ -86,6 +91,7 @@ class LocateInMap(Message):
     candidates: int
     max_pixels: int
     result: Path
+    camera: str | None = None
 
 
 class ExportAnswer(Message):
@@ -130,10 +136,6 @@ class ExportAnswers(Message):
     folder: Path
 
 
-WorkerTask = LocalizePair | LocateInMap | ExportAnswer | ExportAnswers
-TASK: TypeAdapter[WorkerTask] = TypeAdapter(Annotated[WorkerTask, Field(discriminator="kind")])
-
-
 class StageReport(Message):
     """A stage begins."""
 
@@ -154,6 +156,23 @@ class AttemptReport(Message):
     step: str
     matches: int
     agreeing: int
+
+
+class FrameReport(Message):
+    """A frame has been followed.
+
+    Attributes:
+        done: frames that were followed so far.
+        total: all frames; None where they are not counted.
+        found: frames that match so far.
+        lost: frames whose place is not known so far.
+    """
+
+    kind: Literal["frame"] = "frame"
+    done: int
+    total: int | None
+    found: int
+    lost: int
 
 
 class Outcome(Message):
@@ -195,7 +214,7 @@ class Ended(Message):
     direct: int = 0
 
 
-Report = StageReport | AttemptReport | Ended
+Report = StageReport | AttemptReport | FrameReport | Ended
 REPORT: TypeAdapter[Report] = TypeAdapter(Annotated[Report, Field(discriminator="kind")])
 
 

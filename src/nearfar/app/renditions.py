@@ -113,6 +113,15 @@ class Renditions:
         rows: Sequence[Sequence[float]] = frame_from_image.tolist()
         return await self._made("warped", file, frame_from_image=rows, width=width, height=height)
 
+    async def frame(self, video: Path, seconds: float, longest: int) -> bytes:
+        """Return the frame of a video at a time as JPEG, neither side longer than `longest`.
+
+        Raises:
+            ImageError: it cannot be decoded in time, or has too many pixels.
+            BusyError: too many large images wait.
+        """
+        return await self._made("frame", video, seconds=seconds, longest=longest)
+
     async def png(self, file: Path) -> bytes:
         """Return the whole image as displayed, as PNG.
 
@@ -123,7 +132,7 @@ class Renditions:
         return await self._made("png", file)
 
     async def _made(
-        self, kind: Literal["size", "jpeg", "png", "warped"], file: Path, **options: Any
+        self, kind: Literal["size", "jpeg", "png", "warped", "frame"], file: Path, **options: Any
     ) -> bytes:
         """Return a picture, or nothing where the size alone was asked for."""
         key = _key(file)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from nearfar.arrays import Coordinates, Mask
+from nearfar.geometry.epipolar import RelativePose, fundamental_from_pose
 from nearfar.geometry.homography import transform
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.answers import MapAnswer, MapLocalization
@@ -162,6 +163,7 @@ def localization_result(found: Localization, steps: Mapping[str, Step], settings
     boxes = found.landmarks
     return {
         "localization": found.to_dict(),
+        "epipolar": _epipolar(found),
         "explanation": explanation(found, settings),
         "steps": list(shown.values()),
         "landmarks": [
@@ -174,6 +176,22 @@ def localization_result(found: Localization, steps: Mapping[str, Step], settings
             )
         ],
     }
+
+
+def _epipolar(found: Localization) -> list[list[float]] | None:
+    """Return the fundamental matrix of an epipolar answer; None where lines would be curved."""
+    model, cameras = found.far_from_near, found.intrinsics
+    bent = cameras is not None and any(
+        each is not None and each.lens is not None for each in (cameras.far, cameras.near)
+    )
+    if bent or model is None or found.model == "homography":
+        return None
+    if isinstance(model, RelativePose):
+        if cameras is None or cameras.far is None or cameras.near is None:
+            return None
+        model = fundamental_from_pose(model, cameras.far.matrix, cameras.near.matrix)
+    matrix: list[list[float]] = np.asarray(model).tolist()
+    return matrix
 
 
 def map_result(found: MapLocalization, files: Mapping[str, str]) -> Json:

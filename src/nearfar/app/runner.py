@@ -7,9 +7,25 @@ from collections import deque
 
 from nearfar.app.configuration import Limits
 from nearfar.app.errors import AppError, ConflictError, NotFoundError, QueueFullError
-from nearfar.app.jobs import Job, JobStore, LocalizeRequest, StepProgress
+from nearfar.app.jobs import (
+    FrameProgress,
+    Job,
+    JobStore,
+    LocalizeRequest,
+    StepProgress,
+    TrackRequest,
+)
 from nearfar.app.library import Library
-from nearfar.app.process import Ended, LocalizePair, LocateInMap, Report, StageReport, WorkerProcess
+from nearfar.app.process import (
+    Ended,
+    FrameReport,
+    LocalizePair,
+    LocateInMap,
+    Report,
+    StageReport,
+    WorkerProcess,
+)
+from nearfar.app.track_tasks import FollowFrames
 
 _MOST_STEPS = 40
 
@@ -106,12 +122,12 @@ class Runner:
         self._store.save(job)
         try:
             task = self._task_of(job)
-            async with asyncio.timeout(self._limits.job_seconds):
+            async with asyncio.timeout(self._seconds(job)):
                 ended = await self._work(job.id, task)
         except AppError as error:  # An image is gone, or the job was deleted meanwhile.
             ended = Ended(error=str(error))
         except TimeoutError:
-            ended = Ended(error=f"given up after {self._limits.job_seconds:.0f} seconds")
+            ended = Ended(error=f"given up after {self._seconds(job):.0f} seconds")
         except (OSError, ValueError) as error:
             ended = Ended(error=f"the process that does the work could not be used: {error}")
         # It may have been cancelled or deleted meanwhile.
@@ -132,7 +148,12 @@ class Runner:
                     )
                 )
 
-    def _task_of(self, job: Job) -> LocalizePair | LocateInMap:
+    def _seconds(self, job: Job) -> float:
+        """Return the longest time of a job."""
+        track = isinstance(job.request, TrackRequest)
+        return self._limits.track_seconds if track else self._limits.job_seconds
+
+    def _task_of(self, job: Job) -> LocalizePair | LocateInMap | FollowFrames:
         """Return the task of a job, which holds paths instead of references.
 
         Raises:
@@ -154,6 +175,20 @@ class Runner:
                 matches=self._store.matches_file(job),
                 far_mask=request.far_mask,
                 near_mask=request.near_mask,
+                far_camera=request.far_camera,
+                near_camera=request.near_camera,
+            )
+        if isinstance(request, TrackRequest):
+            return FollowFrames(
+                far=library.place(request.far),
+                served=library.served,
+                frames=library.place(request.frames),
+                fps=request.fps,
+                camera=request.camera,
+                smooth=request.smooth,
+                most_frames=self._limits.track_frames,
+                max_pixels=max_pixels,
+                folder=self._store.track_folder(job),
             )
         return LocateInMap(
             folder=library.folder(request.folder),
@@ -163,9 +198,10 @@ class Runner:
             candidates=request.candidates,
             max_pixels=max_pixels,
             result=result,
+            camera=request.camera,
         )
 
-    async def _work(self, job_id: str, task: LocalizePair | LocateInMap) -> Ended:
+    async def _work(self, job_id: str, task: LocalizePair | LocateInMap | FollowFrames) -> Ended:
         """Give a task to the worker and note its reports until it is done."""
         await self._worker.start()
         if self._store.get(job_id).status != "running":
@@ -186,6 +222,8 @@ def _noted(job: Job, report: Report) -> Job:
     if isinstance(report, StageReport):
         stages = tuple(dict.fromkeys((*job.stages, report.stage)))
         return job.with_(stage=report.stage, stages=stages[-_MOST_STEPS:])
+    if isinstance(report, FrameReport):
+        return job.with_(frames=FrameProgress(**report.model_dump(exclude={"kind"})))
     step = StepProgress(name=report.step, matches=report.matches, agreeing=report.agreeing)
     others = tuple(each for each in job.steps if each.name != report.step)
     return job.with_(steps=(*others, step)[-_MOST_STEPS:])

@@ -34,6 +34,7 @@ from nearfar.app.routes import (
     batches,
     images,
     tiles,
+    tracks,
     uploads,
     worlds,
 )
@@ -73,7 +74,7 @@ def create_app(configuration: AppConfiguration) -> FastAPI:
     app = FastAPI(
         title="nearfar", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None
     )
-    for module in (images, tiles, uploads, annotations, answers, batches, worlds):
+    for module in (images, tiles, uploads, annotations, answers, batches, worlds, tracks):
         app.include_router(module.router)
     app.add_exception_handler(NearfarError, _refused)
     app.add_exception_handler(OSError, _not_stored)

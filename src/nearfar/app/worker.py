@@ -3,18 +3,19 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter
 
+from nearfar.app.cameras import camera_of_frames, pair_of_cameras
 from nearfar.app.exporting import exported, exported_all
 from nearfar.app.files import write_whole
 from nearfar.app.formats import write_matches
 from nearfar.app.parts import large_raster
 from nearfar.app.process import (
-    TASK,
     Areas,
     AttemptReport,
     Ended,
@@ -24,17 +25,17 @@ from nearfar.app.process import (
     LocateInMap,
     Message,
     StageReport,
-    WorkerTask,
     do_tasks,
 )
 from nearfar.app.results import Step, Steps, localization_result, map_result
-from nearfar.errors import ImageError, MapError, NearfarError
+from nearfar.app.track_tasks import ExportTrack, FollowFrames
+from nearfar.errors import ImageError, NearfarError
 from nearfar.imaging.image import read_image
 from nearfar.localization import Localization
 from nearfar.localizer import Localizer
-from nearfar.maps import DEFAULTS, open_map
+from nearfar.maps import DEFAULTS, PACKAGES, open_map
+from nearfar.runtime import require
 from nearfar.settings import Settings
-from nearfar.storage.locations import Location
 from nearfar.tiled import localize_in_raster
 
 MOST_CERTAIN = 0.9995
@@ -43,6 +44,9 @@ BUDGET = 600.0
 """Seconds after which a pair is not sought any further; a job is given up later."""
 CACHE_BYTES = 300_000_000
 """Memory for the features of the images used last."""
+
+WorkerTask = LocalizePair | LocateInMap | ExportAnswer | ExportAnswers | FollowFrames | ExportTrack
+TASK: TypeAdapter[WorkerTask] = TypeAdapter(Annotated[WorkerTask, Field(discriminator="kind")])
 
 
 class Worker:
@@ -63,6 +67,8 @@ class Worker:
                 return Ended(outcomes=tuple(exported(task)))
             if isinstance(task, ExportAnswers):
                 return Ended(outcomes=tuple(exported_all(task)))
+            if isinstance(task, FollowFrames | ExportTrack):
+                return self._on_track(task)
             return self._localize(task) if isinstance(task, LocalizePair) else self._locate(task)
         except NearfarError as error:
             return Ended(error=str(error))
@@ -70,6 +76,14 @@ class Worker:
             return Ended(error="the images are too large for the memory of this machine")
         except Exception as error:
             return Ended(error=f"{type(error).__name__}: {error}")
+
+    def _on_track(self, task: FollowFrames | ExportTrack) -> Ended:
+        require("map", *PACKAGES)
+        from nearfar.app.following import exported_track, followed
+
+        if isinstance(task, FollowFrames):
+            return followed(task, self._send)
+        return Ended(outcomes=tuple(exported_track(task)))
 
     def _localize(self, task: LocalizePair) -> Ended:
         settings = Settings(
@@ -82,11 +96,14 @@ class Worker:
         if self._localizer is None or self._localizer.settings != settings:
             self._localizer = Localizer(settings, cache_bytes=CACHE_BYTES)
         steps = Steps(self._notify_stage, self._notify_step)
+        cameras = pair_of_cameras(task.far_camera, task.near_camera)
         near_mask = mask_of(task.near, task.near_mask, task.max_pixels)
         large = large_raster(task.far, task.max_pixels, task.max_tiled_pixels)
         if large is not None:
             if task.far_mask:
                 raise ImageError("a far image of this size takes no mask: localize without it")
+            if cameras is not None:
+                raise ImageError("a far image of this size takes no camera: localize without it")
             found = localize_in_raster(
                 self._localizer,
                 large,
@@ -100,6 +117,7 @@ class Worker:
                 task.far,
                 task.near,
                 model=task.model,
+                intrinsics=cameras,
                 far_mask=mask_of(task.far, task.far_mask, task.max_pixels),
                 near_mask=near_mask,
                 watcher=steps,
@@ -113,14 +131,12 @@ class Worker:
     def _locate(self, task: LocateInMap) -> Ended:
         self._notify_stage("searching the map")
         map_ = open_map(task.folder, settings=DEFAULTS.replace(max_pixels=task.max_pixels))
+        from nearfar.app.following import check_served
         from nearfar.maps.files import file_of
 
-        if not all(_is_served(file_of(each.name, task.folder), task) for each in map_.images):
-            raise MapError(
-                "the map names images outside the folders that the app serves: start it with the "
-                "folder of the photographs as well"
-            )
-        found = map_.locate(task.query, top=task.top, candidates=task.candidates)
+        check_served(map_, task.served)
+        camera = camera_of_frames(task.camera)
+        found = map_.locate(task.query, top=task.top, candidates=task.candidates, intrinsics=camera)
         shown = {each.image for each in found.answers} | {each.image for each in found.candidates}
         files = {image: str(file_of(image, task.folder)) for image in shown}
         _write(task.result, map_result(found, files))
@@ -170,13 +186,6 @@ def mask_of(file: Path, areas: Areas, max_pixels: int) -> NDArray[np.uint8] | No
         # Each alone: where two areas overlap, both are left out.
         cv2.fillPoly(mask, [np.rint(np.array(area)).astype(np.int32)], 0)
     return mask
-
-
-def _is_served(file: Location, task: LocateInMap) -> bool:
-    """Whether a file lies in a served folder, links followed."""
-    return isinstance(file, Path) and any(
-        file.resolve().is_relative_to(folder) for folder in task.served
-    )
 
 
 def _write(file: Path, content: dict[str, Any]) -> None:

@@ -195,26 +195,65 @@ def _content(source: Any) -> tuple[str, Any]:
     return "the camera", _camera(source, "the camera")
 
 
+def cameras_in_text(text: str) -> GivenCameras:
+    """Read the cameras of a pair from a text, which may come from anywhere: no file is opened.
+
+    Args:
+        text: "exif", "estimate", a camera model with its parameters, [fx, fy, cx, cy], or the
+            content of a file, as `read_cameras` takes them. One camera stands for both images.
+
+    Raises:
+        IntrinsicsError: the text holds no cameras, or several of which one must be chosen.
+    """
+    name, stripped = "the camera", text.strip()
+    if is_request(stripped):
+        return GivenCameras(stripped, stripped)
+    inline = _INLINE.fullmatch(stripped)
+    if inline is not None:
+        camera = colmap_camera(inline[1], inline[2].split(","))
+        return GivenCameras(camera, camera)
+    content = _of_text(text, None, name)
+    if isinstance(content, list):
+        content = _camera(content, name)
+    if isinstance(content, CameraIntrinsics):
+        return GivenCameras(content, content)
+    if not isinstance(content, Mapping):
+        raise IntrinsicsError(
+            f"{name} is no model with its parameters, such as PINHOLE:fx,fy,cx,cy, and no camera "
+            "file of COLMAP, OpenCV, ROS, Kalibr or KITTI"
+        )
+    for value in content.values():
+        known = is_request(value) or (isinstance(value, str) and _INLINE.fullmatch(value.strip()))
+        if isinstance(value, str) and not known:
+            raise IntrinsicsError(f"{name} names the file {value!r}: give its content")
+    return read_cameras(content)
+
+
 def _file(source: str | os.PathLike[str]) -> tuple[str, Any]:
     """Return the name of a file, and its camera or the mapping that it holds."""
     path, chosen = Path(source), None
     if "#" in path.name and not _exists(path):
         name, chosen = path.name.rsplit("#", 1)
         path = path.with_name(name) if name else path
-    text, label = _text(path), f"intrinsics file {path}"
+    label = f"intrinsics file {path}"
+    return label, _of_text(_text(path), chosen, label)
+
+
+def _of_text(text: str, chosen: str | None, label: str) -> Any:
+    """Return the camera, or the mapping, that the text of a file holds."""
     try:
         if is_text_of_colmap(text):
-            return label, _chosen(colmap_cameras(text), chosen, label)
+            return _chosen(colmap_cameras(text), chosen, label)
         if is_text_of_kitti(text):
-            return label, _chosen(kitti_cameras(text), chosen, label, first=True)
+            return _chosen(kitti_cameras(text), chosen, label, first=True)
         content = _parsed(text, label)
         roles = {"far", "near", "map", "query"}
         if isinstance(content, Mapping) and not roles & set(content):
-            return label, _chosen(cameras_of_mapping(content), chosen, label)
+            return _chosen(cameras_of_mapping(content), chosen, label)
     except IntrinsicsError as error:
         message = str(error)
         raise IntrinsicsError(message if label in message else f"{label}: {message}") from error
-    return label, content
+    return content
 
 
 def _exists(path: Path) -> bool:

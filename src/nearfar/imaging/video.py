@@ -5,6 +5,7 @@ OpenCV decodes them with the FFmpeg that its package holds, so that no extra is 
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,10 @@ _QUIET = "-8"
 """Level at which FFmpeg logs nothing; errors are ours to tell."""
 ROUNDING = 1e-4
 """Seconds by which the times of frames are rounded in files."""
+HALF_MILLISECOND = 5e-4
+"""Seconds by which the times of frames are rounded in their names."""
+SEEK_BACK = 1.0
+"""Milliseconds before a time at which to begin to look for its frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +64,45 @@ def read_frames(
     """
     check_rate(fps)
     path = regular_file(file)
+    with _opened(path, max_pixels) as video:
+        yield from _decoded(path, video, fps)
+
+
+def frame_at(
+    file: str | os.PathLike[str], seconds: float, *, max_pixels: int = 200_000_000
+) -> RGBPixels:
+    """Return the frame of a video at a time, as displayed.
+
+    Args:
+        file: the video.
+        seconds: time of the frame; the last frame that is not later is taken.
+        max_pixels: refuse videos with more pixels a frame.
+
+    Raises:
+        ImageError: the video cannot be decoded, its frames are too large, or it has none so early.
+    """
+    path = regular_file(file)
+    with _opened(path, max_pixels) as video:
+        video.set(cv2.CAP_PROP_POS_MSEC, max(0.0, 1000 * seconds - SEEK_BACK))
+        found: RGBPixels | None = None
+        while video.grab():
+            later = video.get(cv2.CAP_PROP_POS_MSEC) / 1000 > seconds + ROUNDING + HALF_MILLISECOND
+            if later and found is not None:
+                break
+            read, pixels = video.retrieve()
+            if not read:
+                break
+            found = np.ascontiguousarray(pixels[..., ::-1])
+            if later:
+                break
+    if found is None:
+        raise ImageError(f"{path} has no frame at {seconds:.3f} s")
+    return found
+
+
+@contextmanager
+def _opened(path: Path, max_pixels: int) -> Iterator[cv2.VideoCapture]:
+    """Open a video whose frames are not too large, and release it at the end."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _QUIET)
     video = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     try:
@@ -66,7 +110,7 @@ def read_frames(
             raise ImageError(f"{path} is not a video that FFmpeg can decode: convert it to MP4")
         width = int(video.get(cv2.CAP_PROP_FRAME_WIDTH))
         check_limit(str(path), width, int(video.get(cv2.CAP_PROP_FRAME_HEIGHT)), max_pixels)
-        yield from _decoded(path, video, fps)
+        yield video
     finally:
         video.release()
 

@@ -24,12 +24,12 @@ States = Sequence[TrackState]
 
 
 def export_journey(
-    map_: Map, states: States, formats: Sequence[str], folder: Path
+    map_: Map | None, states: States, formats: Sequence[str], folder: Path
 ) -> dict[str, str]:
     """Write a journey in several formats; one that fails does not stop the others.
 
     Args:
-        map_: the map.
+        map_: the map; None where it is not at hand, which leaves out pictures.
         states: of the frames, in order.
         formats: names of `FORMATS`.
         folder: folder to write into, which must exist.
@@ -89,7 +89,7 @@ def _on_earth(states: States) -> list[tuple[TrackState, GeoPlace, GeoOutline]]:
     return found
 
 
-def _write_tum(_: Map, states: States, path: Path) -> None:
+def _write_tum(_: Map | None, states: States, path: Path) -> None:
     """Time, centre of the camera, and quaternion x, y, z, w of the rotation to the world."""
     rows = [
         np.concatenate([[state.time], np.asarray(pose.translation), quaternion(pose.rotation)])
@@ -98,7 +98,7 @@ def _write_tum(_: Map, states: States, path: Path) -> None:
     write_lines(path, rows)
 
 
-def _write_kitti(_: Map, states: States, path: Path) -> None:
+def _write_kitti(_: Map | None, states: States, path: Path) -> None:
     """Write the 12 numbers of world_from_camera for each frame with a pose."""
     rows = [
         np.column_stack([pose.rotation, np.asarray(pose.translation)]).ravel()
@@ -107,7 +107,7 @@ def _write_kitti(_: Map, states: States, path: Path) -> None:
     write_lines(path, rows)
 
 
-def _write_gpx(__: Map, states: States, path: Path) -> None:
+def _write_gpx(__: Map | None, states: States, path: Path) -> None:
     """Write a track of the frames' centres on the ground; predicted places are marked."""
     root = ET.Element(
         "gpx", version="1.1", creator="nearfar", xmlns="http://www.topografix.com/GPX/1/1"
@@ -122,7 +122,7 @@ def _write_gpx(__: Map, states: States, path: Path) -> None:
         ET.ElementTree(root).write(out, encoding="utf-8", xml_declaration=True)
 
 
-def _write_geojson(_: Map, states: States, path: Path) -> None:
+def _write_geojson(_: Map | None, states: States, path: Path) -> None:
     """Write the track as a line, and each frame as a point with its attributes."""
     placed = _on_earth(states)
     line = [place.centre.round(DECIMALS).tolist() for *_, place in placed]
@@ -156,7 +156,7 @@ def _attributes(state: TrackState, place: GeoPlace) -> dict[str, Any]:
     }
 
 
-def _write_geopackage(_: Map, states: States, path: Path) -> None:
+def _write_geopackage(_: Map | None, states: States, path: Path) -> None:
     """Write the layers `frames`, of points, and `track`, a line, in longitude and latitude."""
     require("geo", "rasterio", "pyogrio", "shapely")
     import shapely
@@ -200,7 +200,7 @@ COVARIANCE = [(row, column) for row in range(4) for column in range(row, 4)]
 POSE_COVARIANCE = [(row, column) for row in range(3) for column in range(row, 3)]
 
 
-def _write_csv(_: Map, states: States, path: Path) -> None:
+def _write_csv(_: Map | None, states: States, path: Path) -> None:
     """Write a row for each frame, with the covariance of its place."""
     numbers = ["x", "y", "log_scale", "rotation"]
     header = [
@@ -241,13 +241,20 @@ def _numbers(values: np.ndarray[Any, Any] | None, count: int) -> list[float | No
     return [None] * count if values is None else [float(each) for each in values]
 
 
-FORMATS: dict[str, tuple[str, Callable[[Map, States, Path], None]]] = {
+def _write_picture(map_: Map | None, states: States, path: Path) -> None:
+    """Draw the path on a map image, or as seen from above."""
+    if map_ is None:
+        raise ExportError("a picture of the path needs the map")
+    path_picture(map_, states, path)
+
+
+FORMATS: dict[str, tuple[str, Callable[[Map | None, States, Path], None]]] = {
     "csv": ("track.csv", _write_csv),
     "geojson": ("track.geojson", _write_geojson),
     "geopackage": ("track.gpkg", _write_geopackage),
     "gpx": ("track.gpx", _write_gpx),
     "kitti": ("track-kitti.txt", _write_kitti),
-    "png": ("track.png", path_picture),
+    "png": ("track.png", _write_picture),
     "tum": ("track-tum.txt", _write_tum),
 }
 """Formats of a journey: the name of the file, and what writes it."""

@@ -1,4 +1,4 @@
-"""A path of poses seen from above: which axes of the world it shows, and a picture of it."""
+"""A picture of a path of poses as seen from above."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from PIL import ImageDraw
 
 from nearfar.arrays import Coordinates, RGBPixels
 from nearfar.errors import ExportError
+from nearfar.geometry.plan_view import Plan, plan_of
 from nearfar.maps.map import Map
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.render import save
@@ -36,48 +37,6 @@ ARROW = 18
 """Length of a viewing direction, in pixels."""
 LINES = 6
 """Most lines of the grid along an axis."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The axes of the world that a view from above shows.
-
-    Attributes:
-        right: number of the axis that points to the right.
-        up: number of the axis that points to the upper edge.
-    """
-
-    right: int
-    up: int
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Return the names of the axes to the right and to the upper edge."""
-        return "xyz"[self.right], "xyz"[self.up]
-
-    def seen(self, centres: Array) -> Coordinates:
-        """Return (N, 2) places in the plan of (N, 3) centres, in units of the world."""
-        return np.asarray(centres[:, [self.right, self.up]])
-
-
-def plan_of(centres: Array, rotations: Array) -> Plan:
-    """Return the view from above of a path of cameras.
-
-    The axis along which the path extends least is left out. The upper side of the cameras tells
-    from which side to look: cameras look ahead or down, so that their upper edges or their backs
-    point up.
-
-    Args:
-        centres: (N, 3) centres of cameras in the world, such as those of the path and the map.
-        rotations: (M, 3, 3) from directions in the cameras of the path to the world.
-    """
-    dropped = int(np.argmin(np.ptp(centres, axis=0)))
-    right, up = (axis for axis in range(3) if axis != dropped)
-    towards = -(rotations[:, dropped, 1] + rotations[:, dropped, 2]).mean()
-    # Without y, the axes in this order are seen from its negative side; otherwise from the other's
-    # positive side.
-    handed = -1.0 if dropped == 1 else 1.0
-    return Plan(right, up) if towards * handed >= 0 else Plan(up, right)
 
 
 def plan_picture(map_: Map, states: Sequence[TrackState], path: Path) -> None:

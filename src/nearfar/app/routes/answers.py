@@ -1,5 +1,6 @@
 """Routes of jobs and benchmark results, and of their answers in other formats."""
 
+import asyncio
 import mimetypes
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,15 +9,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Response
 
 import nearfar
+from nearfar.app.cameras import camera_of_frames, pair_of_cameras
 from nearfar.app.choices import Choice, devices, matchers
 from nearfar.app.configuration import MEGABYTE
-from nearfar.app.errors import ConflictError
+from nearfar.app.errors import ConflictError, NotFoundError
 from nearfar.app.formats import Download, KeptAnswer, image_names, kept_localization
-from nearfar.app.jobs import Job, JobRequest, LocalizeRequest
+from nearfar.app.jobs import Job, JobRequest, LocalizeRequest, LocateRequest, TrackRequest
 from nearfar.app.process import Outcome
 from nearfar.app.routes import Held, Services
 from nearfar.app.runs import Run, kept_row, read_run
-from nearfar.errors import MissingExtraError
+from nearfar.errors import IntrinsicsError, MissingExtraError
 from nearfar.maps import PACKAGES
 from nearfar.runtime import require
 from nearfar.settings import EFFORTS
@@ -34,6 +36,7 @@ async def list_jobs(held: Held) -> list[Job]:
 async def create_job(held: Held, request: JobRequest) -> Job:
     """Create a job, which waits for its turn."""
     names = _names(held, request)
+    await asyncio.to_thread(_check_cameras, request)
     held.runner.check_room()
     return held.runner.submit(held.jobs.create(request, names))
 
@@ -52,6 +55,8 @@ def get_result(held: Held, job_id: str) -> dict[str, Any]:
         names, found = image_names(held.library, request.far, request.near), result["localization"]
         found["far"]["path"], found["near"]["path"] = names.far, names.near
         return result
+    if not isinstance(request, LocateRequest):
+        raise NotFoundError("this job has no answer but its track")
     result["query"]["path"] = held.library.name(request.query)
     for answer in (*result["answers"], *result["candidates"]):
         if "file" not in answer:  # A candidate of a job of an older version.
@@ -84,6 +89,9 @@ async def delete_job(held: Held, job_id: str) -> Response:
 def _names(held: Services, request: JobRequest) -> list[str]:
     """Return the names of the files of a request; all of them must exist."""
     library = held.library
+    if isinstance(request, TrackRequest):
+        library.place(request.far), library.place(request.frames)
+        return [library.name(request.far), library.name(request.frames)]
     if isinstance(request, LocalizeRequest):
         files = [request.far, request.near]
     else:
@@ -93,6 +101,16 @@ def _names(held: Services, request: JobRequest) -> list[str]:
         library.file(ref)
     names = [library.name(ref) for ref in files]
     return names if isinstance(request, LocalizeRequest) else [library.name(request.folder), *names]
+
+
+def _check_cameras(request: JobRequest) -> None:
+    """Raise an IntrinsicsError where the cameras of a request cannot be read."""
+    if isinstance(request, LocalizeRequest):
+        cameras = pair_of_cameras(request.far_camera, request.near_camera)
+        if request.model == "pose" and (cameras is None or not cameras.both):
+            raise IntrinsicsError("a pose needs the cameras of both images: give them")
+    else:
+        camera_of_frames(request.camera)
 
 
 @dataclass(frozen=True)

@@ -53,14 +53,16 @@ def list_folder(
     ref: Reference = "",
     text: Annotated[str, Query(max_length=200)] = "",
     start: Annotated[int, Query(ge=0)] = 0,
+    *,
+    videos: bool = False,
 ) -> Listing:
     """List a page of a served folder; list all served folders where none is named."""
-    return held.library.listing(ref, text, start)
+    return held.library.listing(ref, text, start, videos=videos)
 
 
 @router.get("/find")
-def find_folders(held: Held, kind: Literal["map", "run"]) -> list[Folder]:
-    """Return all maps, or folders of results, in the served folders."""
+def find_folders(held: Held, kind: Literal["map", "run", "track"]) -> list[Folder]:
+    """Return all maps, folders of results, or tracks, in the served folders."""
     wanted: FolderKind = kind
     return held.library.find(wanted)
 

@@ -64,6 +64,11 @@ const ICONS = {
   again: "M5 12a7 7 0 1 0 2-5M7 3v4h4",
   check: "M5 13l4 4L19 7",
   alert: "M12 4 2.5 20h19zM12 10v4M12 17v.1",
+  play: "M8 5v14l11-7z",
+  pause: "M9 5v14M15 5v14",
+  before: "M15 5l-8 7 8 7",
+  after: "M9 5l8 7-8 7",
+  route: "M6 20a2 2 0 1 0 0-4 2 2 0 0 0 0 4M18 8a2 2 0 1 0 0-4 2 2 0 0 0 0 4M8 18h7a3 3 0 0 0 0-6H9a3 3 0 0 1 0-6h7",
   pencil: "M4 20l1-4L16 5l3 3L8 19z",
 };
 

@@ -8,12 +8,13 @@ import { formatName } from "./wording.js";
  * @param {string} path of the answer, below which are `exports` and `export`
  * @param {Object<string, string|number>} query that tells which answer
  * @param {string} text of the button
+ * @param {(format: string) => string} nameOf what a format is called
  */
-export function exportButton(path, query = {}, text = "Export as …") {
-  return h("button", { type: "button", id: "export", "aria-haspopup": "dialog", onclick: () => choose(path, query) }, icon("download"), text);
+export function exportButton(path, query = {}, text = "Export as …", nameOf = formatName) {
+  return h("button", { type: "button", id: "export", "aria-haspopup": "dialog", onclick: () => choose(path, query, nameOf) }, icon("download"), text);
 }
 
-function choose(path, query) {
+function choose(path, query, nameOf) {
   return dialog("Export as …", (close) => {
     const list = h("fieldset", { class: "formats", "aria-label": "Formats" }, h("p", { class: "quiet" }, "Loading…"));
     const go = h("button", { type: "submit", class: "primary", disabled: true }, "Download");
@@ -29,7 +30,7 @@ function choose(path, query) {
       }
     };
     get(`${path}/exports`, query).then((formats) => {
-      fill(list, formats.map(choice));
+      fill(list, formats.map((each) => choice(each, nameOf)));
       list.querySelector("input:enabled")?.focus();
     }, (error) => fill(list, h("p", { class: "problem", role: "alert" }, error.message)));
     list.addEventListener("change", () => {
@@ -41,9 +42,9 @@ function choose(path, query) {
   });
 }
 
-function choice({ format, file, reason }) {
+function choice({ format, file, reason }, nameOf) {
   const why = reason && h("span", { class: "quiet small", id: `why-not-${format}` }, reason);
   return h("label", { class: "choice", title: reason },
     h("input", { type: "checkbox", value: format, disabled: reason !== null, "aria-describedby": why && why.id }),
-    h("span", {}, formatName(format), " ", h("span", { class: "quiet small" }, file), why));
+    h("span", {}, nameOf(format), " ", h("span", { class: "quiet small" }, file), why));
 }

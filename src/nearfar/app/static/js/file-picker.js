@@ -13,7 +13,13 @@ export function pickFolder(title) {
   return pick(title, "folder");
 }
 
-const LAST = { image: "", folder: "" };
+/** @returns {Promise<{ref: string, name: string}|null>} a folder of frames, or a video */
+export function pickFrames(title) {
+  return pick(title, "frames");
+}
+
+const FOLDER_ICONS = { map: "map", run: "table", track: "route", folder: "folder" };
+const LAST = { image: "", folder: "", frames: "" };
 
 function pick(title, wanted) {
   return dialog(title, (close) => {
@@ -29,7 +35,7 @@ function pick(title, wanted) {
       current = ref;
       if (!start) fill(list, h("p", { class: "quiet", role: "status" }, "Loading…"));
       try {
-        const listing = await get("/api/folders", ref ? { ref, text: filter.value, start } : {});
+        const listing = await get("/api/folders", ref ? { ref, text: filter.value, start, videos: wanted === "frames" } : {});
         if (number !== asked) return;
         show(listing, focus);
         LAST[wanted] = ref;
@@ -48,10 +54,12 @@ function pick(title, wanted) {
       choose.disabled = !listing.ref;
       choose.onclick = () => close({ ref: listing.ref, name: listing.parents.at(-1).name });
       const folders = listing.folders.map((each) => h("button", { type: "button", class: "file folder", onclick: () => open(each.ref) },
-        icon(each.kind === "map" ? "map" : each.kind === "run" ? "table" : "folder"), h("span", {}, each.name)));
-      const images = wanted === "folder" ? [] : listing.images.map((each) => imageButton(each, close));
-      const shown = listing.start + listing.folders.length + listing.images.length;
-      const parts = [h("div", { class: "files folders" }, folders), h("div", { class: "files images" }, images),
+        icon(FOLDER_ICONS[each.kind]), h("span", {}, each.name)));
+      const videos = listing.videos.map((each) => h("button", { type: "button", class: "file folder", onclick: () => close(each) }, icon("play"), h("span", {}, each.name)));
+      const images = wanted !== "image" ? [] : listing.images.map((each) => imageButton(each, close));
+      const shown = listing.start + listing.folders.length + listing.images.length + listing.videos.length;
+      const parts = [h("div", { class: "files folders" }, folders, videos), h("div", { class: "files images" }, images),
+        wanted === "frames" && listing.images.length > 0 && h("p", { class: "quiet", role: "status" }, `${listing.total - listing.folders.length - listing.videos.length} images are in this folder.`),
         shown < listing.total && h("button", { type: "button", class: "more", onclick: () => open(listing.ref, { start: shown }) }, `Show more of ${listing.total}`)];
       if (listing.start) {
         list.querySelector(".more")?.remove();
@@ -59,12 +67,12 @@ function pick(title, wanted) {
         images[0]?.focus();
         return;
       }
-      if (folders.length + images.length === 0) fill(list, h("p", { class: "quiet", role: "status" }, emptyText(listing, filter.value)));
+      if (folders.length + videos.length + listing.images.length === 0) fill(list, h("p", { class: "quiet", role: "status" }, emptyText(listing, filter.value)));
       else fill(list, parts);
       if (focus) list.querySelector("button")?.focus();
     };
     open(LAST[wanted]);
-    return h("div", { class: "dialog-body picker" }, trail, filter, list, wanted === "folder" && h("footer", {}, choose));
+    return h("div", { class: "dialog-body picker" }, trail, filter, list, wanted !== "image" && h("footer", {}, choose));
   }, "wide");
 }
 

@@ -6,6 +6,7 @@ import { batchPage } from "./pages/batch.js";
 import { localizePage } from "./pages/localize.js";
 import { mapPage } from "./pages/map.js";
 import { resultsPage } from "./pages/results.js";
+import { trackPage } from "./pages/track.js";
 import { uploadsPage } from "./pages/uploads.js";
 import { worldPage } from "./pages/world.js";
 import { listenForShortcuts, setGlobalShortcuts, setShortcuts, showHelp } from "./shortcuts.js";
@@ -15,6 +16,7 @@ const PAGES = {
   localize: ["Localize", localizePage],
   batch: ["Batch", batchPage],
   map: ["Map", mapPage],
+  track: ["Track", trackPage],
   results: ["Results", resultsPage],
   annotate: ["Annotate", annotatePage],
   uploads: ["Sent images", uploadsPage],
@@ -64,6 +66,7 @@ setGlobalShortcuts([
   { key: "L", label: "Shift L", what: "Localize", act: go("localize") },
   { key: "B", label: "Shift B", what: "Batch", act: go("batch") },
   { key: "M", label: "Shift M", what: "Map", act: go("map") },
+  { key: "T", label: "Shift T", what: "Track", act: go("track") },
   { key: "R", label: "Shift R", what: "Results", act: go("results") },
   { key: "A", label: "Shift A", what: "Annotate", act: go("annotate") },
 ]);

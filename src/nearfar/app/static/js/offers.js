@@ -5,7 +5,7 @@ import { h, icon, toast } from "./dom.js";
 
 /** The same pair with the roles swapped. */
 function swapped(request) {
-  return { ...request, far: request.near, near: request.far, far_mask: request.near_mask, near_mask: request.far_mask };
+  return { ...request, far: request.near, near: request.far, far_mask: request.near_mask, near_mask: request.far_mask, far_camera: request.near_camera, near_camera: request.far_camera };
 }
 
 async function localize(request) {

@@ -49,9 +49,19 @@ const FORMATS = {
   tum: "Poses as in TUM",
 };
 
+const TRACK_FORMATS = {
+  csv: "Table as CSV",
+  geojson: "Track as GeoJSON",
+  geopackage: "Track as GeoPackage",
+  gpx: "Track as GPX",
+  png: "Picture of the path as PNG",
+  sheet: "Contact sheet as PNG",
+};
+
 const capitalized = (name) => name.charAt(0).toUpperCase() + name.slice(1);
 export const effortName = (name) => EFFORTS[name] ?? capitalized(name);
 export const formatName = (name) => FORMATS[name] ?? name;
+export const trackFormatName = (name) => TRACK_FORMATS[name] ?? formatName(name);
 export const stageName = (name) => STAGES[name] ?? capitalized(name);
 export const stepName = (name) => STEPS[name] ?? capitalized(name);
 

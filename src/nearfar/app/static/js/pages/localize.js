@@ -1,6 +1,7 @@
 /** Localize a pair: choose two images, watch the progress, look at the answer. */
 
 import { get, post, remove } from "../api.js";
+import { pairOfCameras } from "../camera-choice.js";
 import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, iconButton, toast } from "../dom.js";
 import { exportButton } from "../export-menu.js";
 import { ImageSlot } from "../image-slot.js";
@@ -9,6 +10,7 @@ import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-vi
 import { matcherChoice } from "../matcher-choice.js";
 import { offers } from "../offers.js";
 import { PairViewer } from "../pair-viewer.js";
+import { relativePose } from "../pose-words.js";
 import { setShortcuts } from "../shortcuts.js";
 import { effortName, stepName } from "../wording.js";
 import { worldLink } from "./world.js";
@@ -23,15 +25,21 @@ async function start(main) {
   const slots = pairOfSlots(true);
   const model = h("select", { id: "model" },
     h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
-    h("option", { value: "fundamental" }, "Scene with depth"));
+    h("option", { value: "fundamental" }, "Scene with depth"),
+    h("option", { value: "pose", disabled: true }, "Scene with depth, and the pose (needs cameras)"));
   const effort = h("select", { id: "effort" }, efforts.reverse().map((value) => h("option", { value }, effortName(value))));
   const choice = matcherChoice(matchers, devices);
+  const cameras = pairOfCameras(() => {
+    const pose = model.querySelector("[value=pose]");
+    pose.disabled = !cameras.both;
+    if (pose.disabled && model.value === "pose") model.value = "fundamental";
+  });
   const go = h("button", { type: "button", class: "primary large", disabled: true, id: "localize", onclick: () => submit() }, "Localize");
   const submit = async () => {
     if (go.disabled) return;
     go.disabled = true;
     try {
-      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value, ...choice.chosen, far_mask: slots.far.areas, near_mask: slots.near.areas });
+      const job = await post("/api/jobs", { kind: "localize", far: slots.far.image.ref, near: slots.near.image.ref, model: model.value, max_effort: effort.value, ...choice.chosen, ...cameras.chosen, far_mask: slots.far.areas, near_mask: slots.near.areas });
       location.hash = `#/localize/${job.id}`;
     } catch (error) {
       toast(error.message, "error");
@@ -52,7 +60,7 @@ async function start(main) {
       h("label", { class: "field", for: "model" }, "What the images show", model),
       h("label", { class: "field", for: "effort" }, "How much to try", effort),
       go),
-    choice.element,
+    cameras.element, choice.element,
     h("p", { class: "small more-options" }, h("a", { href: "#/uploads" }, "Images that were sent")),
     recent);
   showRecent(recent);
@@ -104,7 +112,7 @@ function answer(job, signal, again) {
       steps: result.steps, landmarks: result.landmarks, scaleChange: found.scale_change,
       masks: { far: job.request.far_mask ?? [], near: job.request.near_mask ?? [] },
       candidates: otherPlaces(found).map((each) => each.homography),
-      fundamental: found.far_from_near?.fundamental ?? null,
+      fundamental: result.epipolar ?? found.far_from_near?.fundamental ?? null,
     });
   }).catch((error) => fill(element, notice("The answer cannot be read", error.message, h("button", { type: "button", class: "primary", onclick: again }, "Start again"), "bad")));
   return element;
@@ -126,10 +134,13 @@ function answerFacts(job, result, again, viewer) {
       agreeing(result),
       masked(job.request) && ["Left out by masks", masked(job.request)],
       found.excluded && ["Left out as an overlay", `${found.excluded.matches} matches`],
+      ...focalLengths(found.intrinsics),
       job.request.matcher && job.request.matcher !== "sift" && ["Matcher", job.request.matcher],
       localized && found.step && ["Found by", stepName(found.step)],
       ["Time", formatSeconds(total)],
     ]),
+    found.far_from_near?.rotation && relativePose(found.far_from_near),
+    found.model !== "homography" && localized && bent(found.intrinsics) && h("p", { class: "quiet small" }, "Epipolar lines are curved under the distortion of the lens, and are not drawn."),
     h("details", {}, h("summary", {}, "Numbers"), numbers(found)),
     h("div", { class: "side-actions" },
       h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "localization.json" }, icon("download"), "JSON"),
@@ -165,11 +176,21 @@ function unverifiedPlaces(candidates, viewer, before) {
       placeButton(viewer, before + i, each.score === null ? "not compared" : `${Math.round(100 * each.score)}% looks alike`))));
 }
 
+const bent = (cameras) => Boolean(cameras?.far?.distortion || cameras?.near?.distortion);
+
+/** The focal lengths of the cameras, and where they are from. */
+function focalLengths(cameras) {
+  const from = { exif: "by EXIF", estimated: "estimated", given: "given" };
+  return ["far", "near"].map((role) => cameras?.[role] && [`Focal length, ${role}`, `${cameras[role].fx.toFixed(0)} px, ${from[cameras[role].origin] ?? cameras[role].origin}`]);
+}
+
 function numbers(found) {
-  const matrix = found.far_from_near?.homography ?? found.far_from_near?.fundamental;
+  const model = found.far_from_near, matrix = model?.homography ?? model?.fundamental ?? model?.rotation;
+  const title = { homography: "Homography, near to far", fundamental: "Fundamental matrix", pose: "Rotation, near to far camera" }[found.model];
   return h("div", { class: "numbers" },
-    matrix && [h("h2", {}, found.model === "homography" ? "Homography, near to far" : "Fundamental matrix"),
+    matrix && [h("h2", {}, title),
       h("table", { class: "matrix" }, h("tbody", {}, matrix.map((row) => h("tr", {}, row.map((value) => h("td", {}, value.toPrecision(6)))))))],
+    model?.translation && [h("h2", {}, "Direction to the near camera"), h("table", { class: "matrix" }, h("tbody", {}, h("tr", {}, model.translation.map((value) => h("td", {}, value.toPrecision(6))))))],
     found.footprint && [h("h2", {}, "Outline in the far image"),
       h("table", { class: "matrix" }, h("tbody", {}, found.footprint.map((corner) => h("tr", {}, corner.map((value) => h("td", {}, value.toFixed(1)))))))],
     h("h2", {}, "Seconds"),

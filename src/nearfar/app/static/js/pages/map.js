@@ -1,11 +1,13 @@
 /** Locate a photograph in a map of many images. */
 
 import { get, post, remove } from "../api.js";
+import { cameraChoice } from "../camera-choice.js";
 import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, iconButton, toast } from "../dom.js";
 import { ImageSlot } from "../image-slot.js";
 import { showJob } from "../job-page.js";
 import { badge, confidenceText, facts, notice } from "../job-view.js";
 import { PairViewer } from "../pair-viewer.js";
+import { worldPose } from "../pose-words.js";
 import { setShortcuts } from "../shortcuts.js";
 import { worldLink } from "./world.js";
 
@@ -25,26 +27,28 @@ async function start(main) {
   const slot = new ImageSlot("Photograph", "It is looked for in all images of the map.");
   const choice = h("div", { class: "choices", role: "radiogroup", "aria-label": "Map" }, maps.map((each, i) =>
     h("label", { class: "choice" }, h("input", { type: "radio", name: "map", value: each.ref, checked: i === 0 }), icon("map"), h("span", {}, each.name))));
+  const camera = cameraChoice("map-camera", "Camera of the photograph", ["none", "given"], () => ready());
   const go = h("button", { type: "button", class: "primary large", disabled: true, id: "locate", onclick: () => submit() }, "Locate");
   const submit = async () => {
     if (go.disabled) return;
     go.disabled = true;
     try {
       const folder = choice.querySelector("input:checked").value;
-      const job = await post("/api/jobs", { kind: "locate", folder, query: slot.image.ref });
+      const job = await post("/api/jobs", { kind: "locate", folder, query: slot.image.ref, camera: camera.value });
       location.hash = `#/map/${job.id}`;
     } catch (error) {
       toast(error.message, "error");
       go.disabled = false;
     }
   };
-  slot.addEventListener("change", () => { go.disabled = !slot.image; });
+  const ready = () => { go.disabled = !slot.image || !camera.complete; };
+  slot.addEventListener("change", ready);
   const look = () => { location.hash = `#/world/map/${encodeURIComponent(choice.querySelector("input:checked").value)}`; };
   setShortcuts("Map", [{ key: "Enter", label: "Enter", what: "locate", act: submit }]);
   const recent = h("section", { class: "recent" });
   fill(main, intro, h("div", { class: "slots two" }, h("section", { class: "panel" }, h("h2", {}, "Map"), choice,
     h("div", {}, h("button", { type: "button", id: "map-world", onclick: look }, icon("map"), "Its images on the Earth"))), slot.element),
-    h("div", { class: "form-row end" }, go), recent);
+    h("div", { class: "form-row" }, camera.element, go), recent);
   showRecent(recent);
 }
 
@@ -126,7 +130,7 @@ function ranked(job, result) {
   const total = Object.values(result.seconds).reduce((a, b) => a + b, 0);
   const side = h("aside", { class: "side", "aria-label": "Answers" },
     h("p", { class: "verdict good" }, icon("check"), result.answers.length === 1 ? "Found in one image" : `Found in ${result.answers.length} images`),
-    h("div", { class: "ranks" }, buttons), detail, candidates(result),
+    h("div", { class: "ranks" }, buttons), result.world?.world_from_query && worldPose(result.world), detail, candidates(result),
     h("p", { class: "quiet small" }, formatSeconds(total)),
     h("div", { class: "side-actions" }, h("a", { class: "button", href: `/api/jobs/${job.id}/result`, download: "location.json" }, icon("download"), "JSON"), worldLink("located", job.id)));
   choose(0);
@@ -140,6 +144,7 @@ function place(world) {
   return h("section", { class: "numbers" }, h("h2", {}, "On the Earth"), facts([
     degrees && ["Longitude", degrees[0].toFixed(7)],
     degrees && ["Latitude", degrees[1].toFixed(7)],
+    world.heading !== null && world.heading !== undefined && ["Heading", `${world.heading.toFixed(0)}°`],
     ["Centre", world.centre.map((value) => value.toFixed(2)).join(", ")],
     world.crs.length < 40 && ["System", world.crs],
   ]));
