@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fastapi import APIRouter, Response
 
 from nearfar.app.errors import ConflictError
-from nearfar.app.jobs import Job, LocateRequest
+from nearfar.app.jobs import Job, LocalizeRequest, LocateRequest
 from nearfar.app.routes import Held, Services
 
 router = APIRouter(prefix="/api")
@@ -55,9 +55,11 @@ def _jobs_of(held: Services, ref: str) -> list[Job]:
     found = []
     for job in held.jobs.all():
         request = job.request
-        images = (
-            (request.query,) if isinstance(request, LocateRequest) else (request.far, request.near)
-        )
+        if isinstance(request, LocateRequest):
+            images = [request.query]
+        else:
+            near = [request.near] if isinstance(request, LocalizeRequest) else []
+            images = [request.far, *near]
         if ref in images:
             found.append(job)
     return found
