@@ -135,6 +135,8 @@ def test_a_text_is_read_without_opening_files(tmp_path: Path) -> None:
     assert cameras_in_text("PINHOLE:1250,1240,800,600").near == CameraIntrinsics(
         1250, 1240, 799.5, 599.5
     )
+    kitti = cameras_in_text("P0: 1250 0 799.5 0 0 1240 599.5 0 0 0 1 0\n").near
+    assert kitti == CameraIntrinsics(1250, 1240, 799.5, 599.5)
     assert cameras_in_text('{"far": "exif", "near": [1, 1, 2, 2]}').far == "exif"
     file = written(tmp_path / "cameras.json", "[1250, 1240, 799.5, 599.5]")
     for text in (str(file), json.dumps({"far": str(file), "near": None}), "", "[" * 19_000):

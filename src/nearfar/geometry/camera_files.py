@@ -209,7 +209,7 @@ def cameras_in_text(text: str) -> GivenCameras:
     if is_request(stripped):
         return GivenCameras(stripped, stripped)
     inline = _INLINE.fullmatch(stripped)
-    if inline is not None:
+    if inline is not None and not is_text_of_kitti(text):
         camera = colmap_camera(inline[1], inline[2].split(","))
         return GivenCameras(camera, camera)
     content = _of_text(text, None, name)
