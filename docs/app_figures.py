@@ -19,6 +19,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import rasterio
 from PIL import Image, ImageOps
 from selenium.webdriver.common.action_chains import ActionChains
 from tests.app.browser import ImageView, Page, start
@@ -71,6 +72,7 @@ def _take(page: Page, server: Server, served: Path, copr: Path) -> None:
         _save(_picture(page), "localize")
         _take_track(page, server, served)
         _take_map(page, server, near)
+        _take_batch(page, server, served)
         _show(page, f"#/results/{server.ref(served / 'run').replace('/', '%2F')}", "table.results")
         _save(_picture(page), "results")
         note, suggested = _marked(server, pair, copr)
@@ -147,12 +149,40 @@ def _write_flight(overview: Path, folder: Path) -> None:
         Image.fromarray(frame).save(folder / f"{number}.jpg", quality=92)
 
 
+def _take_batch(page: Page, server: Server, served: Path) -> None:
+    """The table of a batch, and its answers on a map; the place of the overview is made up."""
+    request = {"far": server.ref(served / "placed.tif"), "folder": server.ref(served / "close-ups")}
+    batch = server.post("/api/batches", request)["id"]
+    page.wait(lambda: not any(map(_active, server.get(f"/api/batches/{batch}")["jobs"])), 900)
+    _show(page, f"#/batch/{batch}", "tbody a")
+    _save(_picture(page), "batch")
+    _show(page, f"#/world/batch/{batch}", ".world[data-ready]")
+    _save(_picture(page), "world")
+
+
+def _active(job: dict[str, Any]) -> bool:
+    return job["status"] in ("waiting", "running")
+
+
 def _write_images(copr: Path, served: Path, pairs: Path) -> None:
     served.mkdir()
     shutil.copy(copr / "map.png", served / "overview.png")
     for name in sorted({*COMPARED, *MAPPED}):
         shutil.copy(copr / name / "near.jpg", served / f"{name}.jpg")
+    (served / "close-ups").mkdir()
+    for name in COMPARED:
+        with Image.open(copr / name / "near.jpg") as photograph:
+            photograph.reduce(2).save(served / "close-ups" / f"{name}.jpg", quality=95)
     with Image.open(served / "overview.png") as overview:
+        placed = np.moveaxis(np.asarray(overview.convert("RGB")), -1, 0)
+        size = {"width": overview.width, "height": overview.height, "count": 3, "dtype": "uint8"}
+        where = {
+            "crs": "EPSG:32611",
+            "transform": rasterio.Affine(0.05, 0, 238900, 0, -0.05, 3811500),
+        }
+        kind = {"driver": "GTiff", "photometric": "RGB"}
+        with rasterio.open(served / "placed.tif", "w", **size, **where, **kind) as out:
+            out.write(placed)
         small = overview.convert("RGB").resize((610, 257), Image.Resampling.LANCZOS)
     small.save(served / "overview-small.png")
     with Image.open(served / f"{MIRRORED}.jpg") as photograph:

@@ -22,11 +22,16 @@ export function epipolarError(fundamental, far, near) {
 export function drawEpipolarLines(context, view, fundamental, role, step, pointer) {
   const other = role === "far" ? "near" : "far";
   const agreeing = step ? step[other].filter((_, i) => step.inliers[i]) : [];
-  const every = Math.max(1, Math.ceil(agreeing.length / MOST));
+  const every = Math.max(1, Math.ceil(agreeing.length / MOST)), [left, top] = view.toScreen([-0.5, -0.5]);
+  context.save();
+  context.beginPath();
+  context.rect(left, top, view.size[0] * view.scale, view.size[1] * view.scale);
+  context.clip();  // Beside the image a line tells nothing.
   context.globalAlpha = 0.55;
   for (let i = 0; i < agreeing.length; i += every) drawLine(context, view, epipolarLine(fundamental, role, agreeing[i]), COLOURS.suggestion, 1.2);
   context.globalAlpha = 1;
   if (pointer) drawLine(context, view, epipolarLine(fundamental, role, pointer), COLOURS.outline, 2.5);
+  context.restore();
 }
 
 function drawLine(context, view, line, colour, width) {

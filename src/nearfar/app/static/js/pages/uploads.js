@@ -34,7 +34,7 @@ export async function uploadsPage(main) {
     main.focus({ preventScroll: true });
   };
   fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/localize" }, "Localize"), h("div", {}, h("h1", {}, "Sent images"))),
-    summary, h("div", { class: "form-row" }, tidy), list);
+    summary, h("div", { class: "form-row filters" }, tidy), list);
   await show();
 }
 
