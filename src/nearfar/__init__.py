@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from nearfar.maps.world.places import GeoPlace, QueryPose
     from nearfar.render import save_localization
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "CameraIntrinsics",

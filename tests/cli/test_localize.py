@@ -262,7 +262,7 @@ def test_output_that_cannot_be_printed(unbuffered: str, known_files: Files) -> N
 
 def test_help_and_version_and_list() -> None:
     assert "--max-size" in nearfar("localize", "--help").stdout
-    assert nearfar("--version").stdout.strip() == "0.1.0"
+    assert nearfar("--version").stdout.strip() == "0.2.0"
     names = nearfar("list").stdout.split()
     assert {"paper", "sift", "objects", "hog", "selective-search", "ransac"} <= set(names)
     assert nearfar("nothing").returncode == 2
