@@ -10,7 +10,6 @@ installed, and a pair of photographs that are made must be localized. One row is
 import argparse
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 import tomllib
@@ -86,4 +85,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
