@@ -245,6 +245,8 @@ class Settings:
                 fits = type(value) is wanted
             else:
                 continue
+            if callable(value):
+                raise SettingsError(f"{item.name} takes a function by name: python:module.function")
             if not fits:
                 raise SettingsError(f"{item.name} has a value of the wrong type: {value!r}")
         if (

@@ -54,6 +54,8 @@ NOT_RUN = {
     "nearfar train descriptor PHOTOS --out RUN": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --jobs 15": "takes hours",
     "nearfar train descriptor PHOTOS --out RUN --seed 1": "takes hours",
+    "nearfar train descriptor PHOTOS FLIGHTS --out RUN --start-from SHIPPED --batch-size 192 "
+    "--steps 1600": "takes hours",
     "nearfar map build s3://survey/photos --out s3://survey/map --max-size 400 "
     "--scheduler tcp://HOST:8786 --log-format json": "needs a bucket and a cluster",
     "nearfar map compact s3://survey/map": "needs a bucket",
