@@ -78,3 +78,8 @@ def test_every_field_has_a_text_in_the_order_of_the_fields() -> None:
     texts = {each.arg_name: each.description for each in parse_from_object(Settings).params}
     assert list(texts) == [field.name for field in dataclasses.fields(Settings)]
     assert all(texts.values())
+
+
+def test_a_function_is_taken_by_name() -> None:
+    with pytest.raises(SettingsError, match=r"method takes a function by name: python:module"):
+        Settings(method=print)  # type: ignore[arg-type]
