@@ -258,7 +258,9 @@ def extras() -> str:
     lines = [
         "# Extras\n",
         "`pip install .` installs what `nearfar localize` needs. An extra adds packages for one "
-        "part: `pip install '.[map]'`.\n`nearfar about` says which extras are installed.\n",
+        "part: `pip install '.[map]'`.\nSeveral at once: `pip install '.[demo,geo]'`. Run pip in "
+        "the folder of the clone, and `nearfar` where your files are.\n`nearfar about` says which "
+        "extras are installed. [How large they are](../results/speed.md#size-of-the-extras).\n",
         "| extra | what it is for | packages |\n|---|---|---|",
     ]
     for name, requirements in project["optional-dependencies"].items():

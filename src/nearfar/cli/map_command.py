@@ -343,7 +343,7 @@ def _add(
     if took.done:
         _say(
             f"{took.wall_seconds:.1f} s, {took.cpu_seconds:.1f} CPU s, {took.workers} "
-            f"workers, {took.retried} retried"
+            f"worker{'s' * (took.workers != 1)}, {took.retried} retried"
         )
     logs.event("images added", map=str(map_.folder), **took.to_dict())
     for source in sources:

@@ -65,7 +65,8 @@ def check_limit(name: str, width: int, height: int, max_pixels: int) -> None:
     if width * height > max_pixels:
         raise ImageError(
             f"{name} has {width}x{height} pixels, more than the limit of {max_pixels}; "
-            f"if you trust it, raise max_pixels (--max-pixels)"
+            f"if you trust it, raise max_pixels (--max-pixels), or build a map of it (nearfar map "
+            f"build), which reads large rasters tile by tile"
         )
 
 
