@@ -42,7 +42,10 @@ nitpick_ignore_regex = [
         r"RelativePose|Keypoints\.of|ImageMatcher\.\w+|adaptive|localization\.json|nearfar\.exports\.hloc_files|StorageError",
     ),
     # Type variables, and what only benchmarks make.
-    ("py:class", r"nearfar\.(methods|features)\.Features|nearfar\.registry\.T|FeatureStore"),
+    (
+        "py:class",
+        r"nearfar\.(methods|features)\.Features|nearfar\.(registry|runtime\.timing)\.T|FeatureStore",
+    ),
 ]
 
 ARRAY = re.compile(

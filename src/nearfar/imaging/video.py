@@ -83,20 +83,31 @@ def frame_at(
     """
     path = regular_file(file)
     with _opened(path, max_pixels) as video:
-        video.set(cv2.CAP_PROP_POS_MSEC, max(0.0, 1000 * seconds - SEEK_BACK))
-        found: RGBPixels | None = None
-        while video.grab():
-            later = video.get(cv2.CAP_PROP_POS_MSEC) / 1000 > seconds + ROUNDING + HALF_MILLISECOND
-            if later and found is not None:
-                break
-            read, pixels = video.retrieve()
-            if not read:
-                break
-            found = np.ascontiguousarray(pixels[..., ::-1])
-            if later:
-                break
+        found = _found(video, 1000 * seconds - SEEK_BACK, seconds)
+        if found is None:  # Behind the end, FFmpeg may find no place to begin.
+            found = _found(video, 0.0, seconds)
     if found is None:
         raise ImageError(f"{path} has no frame at {seconds:.3f} s")
+    return found
+
+
+def _found(video: cv2.VideoCapture, begin: float, seconds: float) -> RGBPixels | None:
+    """Return the last frame that is not later than a time, sought from another one in ms on.
+
+    The first frame is returned even if it is later; None where there is no frame.
+    """
+    video.set(cv2.CAP_PROP_POS_MSEC, max(0.0, begin))
+    found: RGBPixels | None = None
+    while video.grab():
+        later = video.get(cv2.CAP_PROP_POS_MSEC) / 1000 > seconds + ROUNDING + HALF_MILLISECOND
+        if later and found is not None:
+            break
+        read, pixels = video.retrieve()
+        if not read:
+            break
+        found = np.ascontiguousarray(pixels[..., ::-1])
+        if later:
+            break
     return found
 
 
