@@ -118,7 +118,7 @@ def figures(asked: argparse.Namespace) -> Iterator[Figure]:
             own = [each for each in results["kitti"] if each.row["method"] == method]
             yield counted(KITTI, method, known[KITTI, method], own)
         if asked.photographs:
-            own = [each for each in results["scale-curve"] if each.row["method"] == method]
+            own = [each for each in results["scale_curve"] if each.row["method"] == method]
             value, (least, low, high) = half_success(outcomes(own), 0, 0).value, half[method]
             moved = "lower" if value < low else "higher" if value > high else ""
             yield Figure("S50", method, f"{least} ({low} to {high})", f"{value:.1f}", moved)
@@ -135,12 +135,11 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     asked = parser.parse_args()
     asked.method = asked.method or ["sift", "sift-tuned", "adaptive"]
-    print("| | method | README | now | |\n|---|---|---|---|---|")
-    lower = False
-    for each in figures(asked):
+    found = list(figures(asked))
+    print("\n| | method | README | now | |\n|---|---|---|---|---|")
+    for each in found:
         print(f"| {each.name} | `{each.method}` | {each.said} | {each.now} | {each.moved} |")
-        lower |= each.moved == "lower"
-    sys.exit(lower)
+    sys.exit(any(each.moved == "lower" for each in found))
 
 
 if __name__ == "__main__":
