@@ -67,6 +67,8 @@ def test_a_close_up_is_found_in_a_tiff_that_is_too_large(
     np.testing.assert_allclose(transform(np.asarray(found.far_from_near), corners), truth, atol=1)
     assert (found.far.path, found.far.width, found.far.height) == (far, 4000, 300)
     noise = np.random.default_rng(0).integers(0, 255, (200, 200, 3), np.uint8)
+    with pytest.raises(SettingsError, match="--max-size must be above 0"):
+        localize_in_raster(Localizer(max_size=0), open_raster(far), near)
     missed = localize_in_raster(localizer, open_raster(far), noise, model="fundamental")
     assert "window" not in str(missed.reason)
 

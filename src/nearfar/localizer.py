@@ -126,7 +126,8 @@ class Localizer:
                 "exif" in the place of a camera reads its focal length from the EXIF tags of the
                 image; "estimate" estimates one that both images share, for a pose.
             expected: approximate `far_from_near`, homographies between the original images, that
-                are tried before any other guess; only the method `adaptive` uses them.
+                are tried before any other guess; only the method `adaptive` uses them. Those that
+                a preview in a small frame speaks against are not zoomed in on.
             far_mask: file or array as large as the far image, 0 where it must not be used, as on
                 overlays, cars or the sky; nothing is detected, described or compared there. An
                 image that was read already has its own mask.

@@ -105,8 +105,11 @@ def localize_in_raster(
 
     Raises:
         ImageError: an image cannot be read.
+        SettingsError: the settings do not reduce images (`max_size` is 0).
     """
     chosen = localizer.settings
+    if chosen.max_size == 0:
+        raise SettingsError("a TIFF of any size is reduced first: --max-size must be above 0")
     everything = _image(raster, 0, 0, max(raster.width, raster.height), chosen.max_size)
     whole = localizer.localize(everything, near, model=model, near_mask=near_mask, watcher=watcher)
     if whole.localized or model != "homography" or max(_size(whole.far)) <= chosen.max_size:

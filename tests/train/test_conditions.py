@@ -9,7 +9,7 @@ from nearfar.train.conditions import CONDITIONS
 
 
 @pytest.mark.parametrize("condition", CONDITIONS, ids=lambda condition: condition.__name__)
-def test_a_condition_changes_values_and_keeps_structure(
+def test_a_condition_changes_values_as_its_seed_says(
     condition: Callable[..., np.ndarray], photograph: Callable[[str], RGBPixels]
 ) -> None:
     image = cv2.resize(photograph("coffee"), (96, 64)).astype(np.float32)

@@ -46,11 +46,14 @@ def test_kept_pairs_are_those_of_the_photographs(
 ) -> None:
     pairs = mined_pairs(of_two_places[:2], 1)
     file = tmp_path / "pairs.npz"
-    save_pairs(file, TrainingSet(of_two_places[:2], pairs))
-    (again,) = read_pairs(file, of_two_places[:2])
+    save_pairs(file, TrainingSet(of_two_places[:2], pairs), 1)
+    (again,) = read_pairs(file, of_two_places[:2], 1)
     np.testing.assert_array_equal(again.far_points, pairs[0].far_points)
     with pytest.raises(TrainingError, match="other photographs"):
-        read_pairs(file, of_two_places[:3])
-    file.write_bytes(b"damaged")
-    with pytest.raises(TrainingError, match="cannot be read"):
-        read_pairs(file, of_two_places[:2])
+        read_pairs(file, of_two_places[:3], 1)
+    with pytest.raises(TrainingError, match="--neighbours 1"):
+        read_pairs(file, of_two_places[:2], 2)
+    for damaged in (b"damaged", file.read_bytes()[:200]):
+        file.write_bytes(damaged)
+        with pytest.raises(TrainingError, match="cannot be read"):
+            read_pairs(file, of_two_places[:2], 1)

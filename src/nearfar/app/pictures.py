@@ -68,14 +68,7 @@ class PictureMaker:
 
     def do(self, task: MakePicture) -> Ended:
         """Make a picture; the returned report has the size of the image, or what is wrong."""
-        try:
-            return self._made(task)
-        except NearfarError as error:
-            return Ended(error=str(error))
-        except MemoryError:
-            return Ended(error=f"{task.file} needs more memory than an image may take: reduce it")
-        except Exception as error:  # Damaged files make decoders raise whatever they like.
-            return Ended(error=f"{task.file} cannot be read: {error}")
+        return reported(task.file, lambda: self._made(task))
 
     def _made(self, task: MakePicture) -> Ended:
         if task.kind == "png":
@@ -119,6 +112,18 @@ def _frame(task: MakePicture) -> Ended:
     picture.thumbnail(reduced_size(width, height, task.longest), PillowImage.Resampling.BOX)
     task.out.write_bytes(encoded(picture, "JPEG", quality=88))
     return Ended(size=(width, height))
+
+
+def reported(file: Path, work: Callable[[], Ended]) -> Ended:
+    """Do what reads an image file; what is wrong with the file is an error in what is returned."""
+    try:
+        return work()
+    except NearfarError as error:
+        return Ended(error=str(error))
+    except MemoryError:
+        return Ended(error=f"{file} needs more memory than an image may take: reduce it")
+    except Exception as error:  # Damaged files make decoders raise whatever they like.
+        return Ended(error=f"{file} cannot be read: {error}")
 
 
 def encoded(picture: PillowImage.Image, kind: str, **options: int) -> bytes:

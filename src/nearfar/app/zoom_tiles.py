@@ -15,10 +15,9 @@ from PIL import Image as PillowImage
 from pydantic import TypeAdapter
 
 from nearfar.app.parts import SIDE, Levels, resized, windows_of
-from nearfar.app.pictures import bound_memory, encoded
+from nearfar.app.pictures import bound_memory, encoded, reported
 from nearfar.app.process import Ended, Message, do_tasks
 from nearfar.arrays import RGBPixels
-from nearfar.errors import NearfarError
 from nearfar.imaging.image import read_image
 from nearfar.imaging.tiles import Tile
 from nearfar.storage.locations import replaced
@@ -104,20 +103,16 @@ class TileMaker:
 
     def do(self, task: MakeTile) -> Ended:
         """Do a task; the report has the size of the image and the bytes written, or an error."""
-        try:
-            source = self._opened(task)
-            size, cut = (source.levels.width, source.levels.height), _Cut(source, task.folder)
-            if task.kind == "tile":
-                cut.pixels(task.level, task.column, task.row)
-            elif task.kind == "preview":
-                cut.preview()
-            return Ended(size=size, written=cut.written, direct=cut.direct)
-        except NearfarError as error:
-            return Ended(error=str(error))
-        except MemoryError:
-            return Ended(error=f"{task.file} needs more memory than an image may take: reduce it")
-        except Exception as error:  # Damaged files make decoders raise whatever they like.
-            return Ended(error=f"{task.file} cannot be read: {error}")
+        return reported(task.file, lambda: self._done(task))
+
+    def _done(self, task: MakeTile) -> Ended:
+        source = self._opened(task)
+        size, cut = (source.levels.width, source.levels.height), _Cut(source, task.folder)
+        if task.kind == "tile":
+            cut.pixels(task.level, task.column, task.row)
+        elif task.kind == "preview":
+            cut.preview()
+        return Ended(size=size, written=cut.written, direct=cut.direct)
 
     def _opened(self, task: MakeTile) -> _Source:
         status = task.file.stat()

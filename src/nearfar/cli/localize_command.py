@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from nearfar.arrays import Coordinates
@@ -267,7 +268,8 @@ def _text(found: Localization, saved: list[Path], top: int) -> str:
     model = found.to_dict()["far_from_near"]
     if model is not None:
         for name, value in model.items():
-            lines.append(f"{name}: {value}")
+            rounded = np.array2string(np.array(value), separator=", ", precision=6)
+            lines.append(f"{name}: {' '.join(rounded.split())}")
     total = sum(found.seconds.values())
     stages = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in found.seconds.items())
     lines.append(f"{total:.2f} s ({stages})")

@@ -105,7 +105,7 @@ def _pairs(photographs: "list[Photograph]", neighbours: int, out: Path) -> "tupl
     if neighbours < 0:
         raise SettingsError(f"--neighbours must be at least 0, not {neighbours}")
     if (out / PAIRS).exists():
-        return read_pairs(out / PAIRS, photographs)
+        return read_pairs(out / PAIRS, photographs, neighbours)
     with _progress() as progress:
         bar = progress.add_task("", total=None)
         pairs = mined_pairs(
@@ -114,7 +114,7 @@ def _pairs(photographs: "list[Photograph]", neighbours: int, out: Path) -> "tupl
             lambda done, total: progress.update(bar, completed=done, total=total),
         )
     out.mkdir(parents=True, exist_ok=True)
-    save_pairs(out / PAIRS, TrainingSet(photographs, pairs))
+    save_pairs(out / PAIRS, TrainingSet(photographs, pairs), neighbours)
     return pairs
 
 

@@ -1,5 +1,6 @@
 """Pairs of photographs that show one place, found by nearfar itself."""
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from nearfar.train.training_set import RealPair, TrainingSet
 
 PAIRS = "pairs.npz"
 """Name of the file with the pairs of a training."""
+ARRAYS = ("neighbours", "names", "ends", "counts", "far", "near")
+"""Names of what is in that file."""
 LEAST_POINTS = 30
 """Inliers of a pair that is used."""
 LEAST_CONFIDENCE = 0.9
@@ -64,12 +67,19 @@ def _pair(
     return RealPair(one, other, points.far[inliers], points.near[inliers])
 
 
-def save_pairs(file: Path, training_set: TrainingSet) -> None:
-    """Write the pairs of a set, so that they need not be matched again."""
+def save_pairs(file: Path, training_set: TrainingSet, neighbours: int) -> None:
+    """Write the pairs of a set, so that they need not be matched again.
+
+    Args:
+        file: to write, NPZ.
+        training_set: the photographs and their pairs.
+        neighbours: see `mined_pairs`.
+    """
     pairs = training_set.pairs
     with replaced(file) as incomplete, incomplete.open("wb") as stream:
         np.savez_compressed(
             stream,
+            neighbours=neighbours,
             names=np.array([photograph.name for photograph in training_set.photographs]),
             ends=np.array([(pair.far, pair.near) for pair in pairs], np.int64).reshape(-1, 2),
             counts=np.array([len(pair.far_points) for pair in pairs], np.int64),
@@ -78,19 +88,24 @@ def save_pairs(file: Path, training_set: TrainingSet) -> None:
         )
 
 
-def read_pairs(file: Path, photographs: list[Photograph]) -> tuple[RealPair, ...]:
+def read_pairs(file: Path, photographs: list[Photograph], neighbours: int) -> tuple[RealPair, ...]:
     """Read the pairs of a set of photographs.
 
     Raises:
-        TrainingError: the file is damaged, or holds pairs of other photographs.
+        TrainingError: the file is damaged, or holds pairs of other photographs, or of those
+            matched with another number of neighbours.
     """
     try:
-        with np.load(file) as content:
-            arrays = {name: content[name] for name in ("names", "ends", "counts", "far", "near")}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+        with file.open("rb") as stream, np.load(stream) as content:
+            arrays = {name: content[name] for name in ARRAYS}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise TrainingError(f"{file} cannot be read: remove it to match again") from error
     if arrays["names"].tolist() != [photograph.name for photograph in photographs]:
         raise TrainingError(f"{file} holds pairs of other photographs: choose another folder")
+    if arrays["neighbours"] != neighbours:
+        raise TrainingError(
+            f"{file} holds pairs of --neighbours {arrays['neighbours']}: choose another folder"
+        )
     until = np.cumsum(arrays["counts"])[:-1]
     points = zip(np.split(arrays["far"], until), np.split(arrays["near"], until), strict=True)
     return tuple(
