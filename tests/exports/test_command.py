@@ -107,3 +107,4 @@ def test_about(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     for words in ("nearfar 0", "Apache-2.0", "onnxruntime", "squeezenet", "extra"):
         assert words in printed
+    assert printed.index("extra") < printed.index("model") < printed.index("component")

@@ -59,8 +59,12 @@ def test_a_map(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> 
     map_ = str(files[0].parent / "Karte é")
     assert main(["map", "build", str(files[0]), "--out", map_, "--max-size", "400"]) == 0
     assert main(["map", "locate", map_, str(files[1]), "--save", str(files[0].parent / "out")]) == 0
-    assert "Übersicht 1.png: confidence" in capsys.readouterr().out
-    assert (files[0].parent / "out" / "näherer Blick 2.json").exists()
+    printed = capsys.readouterr().out
+    assert "Übersicht 1.png: confidence" in printed
+    for name in ("näherer Blick 2.json", "näherer Blick 2.png"):
+        saved = files[0].parent / "out" / name
+        assert saved.exists()
+        assert f"saved {saved}" in printed
 
 
 def test_a_benchmark_and_its_report(

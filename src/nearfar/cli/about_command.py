@@ -82,7 +82,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
 
 
 def about_command() -> None:
-    """Print the version, the licences of all components and models, and the extras installed.
+    """Print the version, the extras installed, and the licences of all models and components.
 
     Licences are read from the metadata of the installed packages.
     """
@@ -92,9 +92,9 @@ def about_command() -> None:
         f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     )
     parts = components(importlib.metadata.requires("nearfar") or ())
-    console.print(_table_of_components(parts))
     console.print(_table_of_extras(parts))
     console.print(_table_of_models())
+    console.print(_table_of_components(parts))
 
 
 def components(requirements: Iterable[str]) -> list[Component]:

@@ -10,7 +10,7 @@ from nearfar.batch.answers import PairAnswer
 from nearfar.batch.pairs import Pair
 from nearfar.batch.run import BatchWork, run
 from nearfar.batch.sheet import contact_sheets
-from nearfar.cli.map_exports import MapExports
+from nearfar.cli.map_exports import MapExports, Written
 from nearfar.cli.options import BAD_INPUT, FAILED, WorkOptions
 from nearfar.exports import CollectionExporter, Subject, exporter
 from nearfar.runtime.logs import shown_progress
@@ -51,20 +51,20 @@ def localize_batch(
             if together and found is not None and found.localized:
                 subjects.append((str(answer.pair.near), Subject(found)))
             answers.append(answer.without_matches())
-    failed: list[str] = []
+    exported = Written()
     if together and save is not None:
         save.mkdir(parents=True, exist_ok=True)
-        failed = MapExports(together, save, batch.dem).write(subjects)
-    for failure in failed:
+        exported = MapExports(together, save, batch.dem).write(subjects)
+    for failure in exported.failed:
         sys.stderr.write(f"nearfar: {failure}\n")
     lines = summary(answers)
     if save is not None:
         with shown_progress("pictures") as show:
             files = contact_sheets(answers, save, batch.settings, workers, show)
-        lines += [f"saved {file}" for file in files]
+        lines += [f"saved {file}" for file in [*files, *exported.files]]
     stream = sys.stderr if out is None else sys.stdout
     stream.write("".join(f"{line}\n" for line in lines))
-    if failed or any(each.localization is None or each.not_exported for each in answers):
+    if exported.failed or any(each.localization is None or each.not_exported for each in answers):
         return BAD_INPUT
     return 0 if all(answer.status == "localized" for answer in answers) else FAILED
 

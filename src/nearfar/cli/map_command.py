@@ -296,9 +296,13 @@ def locate_command(
         if exports is not None:
             named = zip(tasks, located, strict=True)
             subjects = [(each.name, found.subject) for each, found in named if found.subject]
-            for failure in exports.write(subjects):
+            exported = exports.write(subjects)
+            for failure in exported.failed:
                 print(f"nearfar: {failure}", file=sys.stderr)  # noqa: T201
                 meter.failed += 1
+            if not as_json:
+                for file in exported.files:
+                    _say(f"saved {file}")
     if geojson is not None:
         features = [feature for found in located for feature in found.features]
         content = {"type": "FeatureCollection", "features": features}

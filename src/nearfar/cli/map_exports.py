@@ -1,13 +1,26 @@
 """Files for other tools, written from the answers of `nearfar map locate`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nearfar.errors import NearfarError, SettingsError
 from nearfar.exports import CollectionExporter, Exporter, Subject, exporter
 from nearfar.exports.ground import ground_of
 from nearfar.storage.locations import Location
+
+
+@dataclass(frozen=True)
+class Written:
+    """What exports have written.
+
+    Attributes:
+        files: the files written.
+        failed: what could not be written, and why.
+    """
+
+    files: list[Path] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -24,47 +37,45 @@ class MapExports:
     folder: Path
     dem: Path | None
 
-    def write(self, subjects: Sequence[tuple[str, Subject]]) -> list[str]:
+    def write(self, subjects: Sequence[tuple[str, Subject]]) -> Written:
         """Write the files: of some formats one for all queries, of others one for each query.
 
         Args:
             subjects: name of the files of each query that was located, and its best answer.
-
-        Returns:
-            What could not be written, and why.
         """
         given = [(name, replace(each, dem=self.dem)) for name, each in subjects]
-        failed = []
+        written = Written()
         for each in self.exporters:
             if isinstance(each, CollectionExporter):
-                failed += self._collected(each, given)
+                self._collected(each, given, written)
                 continue
             for name, subject in given:
                 path = self.folder / f"{name}-{each.file_name}"
                 try:
-                    each.write(subject, path)
+                    written.files.extend(each.write(subject, path))
                 except (NearfarError, OSError) as error:
-                    failed.append(f"{name}: not exported as {each.name}: {error}")
-        return failed
+                    written.failed.append(f"{name}: not exported as {each.name}: {error}")
+        return written
 
     def _collected(
-        self, format_: CollectionExporter, subjects: Sequence[tuple[str, Subject]]
-    ) -> list[str]:
-        failed: list[str] = []
+        self,
+        format_: CollectionExporter,
+        subjects: Sequence[tuple[str, Subject]],
+        written: Written,
+    ) -> None:
         placed = []
         for name, subject in subjects:
             try:
                 ground_of(subject)
             except NearfarError as error:
-                failed.append(f"{name}: not exported as {format_.name}: {error}")
+                written.failed.append(f"{name}: not exported as {format_.name}: {error}")
             else:
                 placed.append(subject)
         if placed:
             try:
-                format_.write_all(placed, self.folder / format_.file_name)
+                written.files.extend(format_.write_all(placed, self.folder / format_.file_name))
             except (NearfarError, OSError) as error:
-                failed.append(f"not exported as {format_.name}: {error}")
-        return failed
+                written.failed.append(f"not exported as {format_.name}: {error}")
 
 
 def map_exports(

@@ -153,10 +153,11 @@ def locate_query(query: Query) -> Located:
         return Located(f"{query.source}: {type(error).__name__}: {error}")
     subject = best_answer(replace(found, query=query.source), map_, query.camera)
     found = replace(found, query=query.shown)
+    text = _text(found, query)
     if query.save is not None:
         with staged(query.save) as folder:
-            found.save(folder, query.name)
-    text = _text(found, query)
+            files = [query.save / file.name for file in found.save(folder, query.name)]
+        text += "".join(f"\n  saved {file}" for file in files)
     features = tuple(found.features())
     return Located(None, found.located, found.to_json(), text, features, found.unread, subject)
 

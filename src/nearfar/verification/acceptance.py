@@ -110,13 +110,19 @@ def _refusal(
     """Return why a model is refused; None where it is an answer."""
     estimate, confidence = answer.estimate, answer.confidence
     if log10_nfa > math.log10(settings.max_false_alarms):
-        return _Refusal("chance", "too few to exclude chance (--max-false-alarms)")
+        return _Refusal(
+            "chance",
+            f"too few to exclude chance: more than {settings.max_false_alarms:g} models as good "
+            "are expected by chance (--max-false-alarms)",
+        )
     if confidence is not None and confidence < settings.min_confidence:
         if answer.alternatives:
             others = f"{len(answer.alternatives)} other places fit the near image nearly as well"
             return _Refusal("ambiguous", f"but {others}")
         return _Refusal(
-            "low-confidence", f"with a confidence of only {confidence:.2f} (--min-confidence)"
+            "low-confidence",
+            f"with a confidence of only {confidence:.2f}, below {settings.min_confidence:g} "
+            "(--min-confidence)",
         )
     if math.isinf(settings.max_false_alarms) or (same_place and task.model == "pose"):
         return None
