@@ -32,6 +32,8 @@ ROWS = {
 KITTI, SAMPLE = "KITTI Odometry", 200
 TOLERATED = 0.02
 """Difference of shares that counts as unmoved where the cases are not the same."""
+CURVE = ["--mode", "scale", "--sets", "homogr", "--sets", "oxford"]
+"""The cases of the scale curve: 231 of the pairs with planes."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def figures(asked: argparse.Namespace) -> Iterator[Figure]:
     if asked.kitti:
         nearfar("bench", "kitti", asked.kitti, "--sample", SAMPLE, *shared)
     if asked.photographs:
-        scenes = ["--pairs", asked.pairs, "--backgrounds", asked.photographs]
+        scenes = ["--pairs", asked.pairs, "--backgrounds", asked.photographs, *CURVE]
         nearfar("bench", "scale-curve", *scenes, *shared)
     results = {each.name: each.results for each in load_benchmarks([asked.out])}
     for method in asked.method:
