@@ -3,7 +3,7 @@
 import json
 import sys
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -287,22 +287,18 @@ def locate_command(
             show(meter.done, len(tasks))
             if found.error is None:
                 _say(found.line if as_json else found.text)
-            else:
-                print(f"nearfar: {found.error}", file=sys.stderr)  # noqa: T201
-            for reason in found.unread:
-                print(f"nearfar: {reason}", file=sys.stderr)  # noqa: T201
+            _complain([] if found.error is None else [found.error])
+            _complain(found.unread)
             meter.failed += found.error is not None or bool(found.unread and not found.located)
             located.append(found)
         if exports is not None:
             named = zip(tasks, located, strict=True)
             subjects = [(each.name, found.subject) for each, found in named if found.subject]
             exported = exports.write(subjects)
-            for failure in exported.failed:
-                print(f"nearfar: {failure}", file=sys.stderr)  # noqa: T201
-                meter.failed += 1
-            if not as_json:
-                for file in exported.files:
-                    _say(f"saved {file}")
+            _complain(exported.failed)
+            meter.failed += len(exported.failed)
+            for file in () if as_json else exported.files:
+                _say(f"saved {file}")
     if geojson is not None:
         features = [feature for found in located for feature in found.features]
         content = {"type": "FeatureCollection", "features": features}
@@ -374,6 +370,10 @@ def _with_frames(
         frames = folder.parent / f"{folder.name}-frames" / each.stem
         found += VideoFrames(each, frames, fps, settings.max_pixels).files()
     return found
+
+
+def _complain(reasons: Iterable[str]) -> None:
+    sys.stderr.write("".join(f"nearfar: {each}\n" for each in reasons))
 
 
 def _say(line: str) -> None:
