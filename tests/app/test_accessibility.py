@@ -41,7 +41,7 @@ def test_no_view_has_a_violation(
         "#/annotate": "#annotate", f"#/localize/{found}": ".viewer[data-ready]",
         f"#/localize/{missed}": ".side h3, .verdict", f"#/batch/{batch}": "tbody a",
         f"#/annotate/{note}": ".editor[data-ready]", f"#/world/job/{found}": ".empty h2",
-        "#/uploads": "main h1",
+        "#/kept": "main h1",
     }  # fmt: skip
     wrong = {}
     for theme in ("light", "dark"):

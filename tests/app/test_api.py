@@ -344,6 +344,6 @@ def test_a_map_that_names_files_outside_the_served_folders_is_refused(
     query = server.send(tmp_path / "secret.png")
     request = {"kind": "locate", "folder": server.ref(map_), "query": query}
     job = ended(server, server.post("/api/jobs", request))
-    assert job["status"] == "failed"
+    assert job["status"] == "error"
     assert "outside the folders" in job["error"]
     assert str(tmp_path) not in job["error"]

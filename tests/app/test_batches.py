@@ -3,12 +3,14 @@
 import csv
 import io
 import json
+import re
 import time
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from tests.app.browser import Page
@@ -23,6 +25,7 @@ def close_ups(served: Path, known_pair: KnownPair) -> Path:
     folder.mkdir(exist_ok=True)
     Image.fromarray(known_pair.near).save(folder / "part.png")
     Image.fromarray(np.full((100, 120, 3), 80, np.uint8)).save(folder / "=plain.png")
+    (folder / "damaged.png").write_bytes(b"no image")
     return folder
 
 
@@ -39,22 +42,36 @@ def test_a_batch_lists_failures_first_and_is_exported(
     server: Server, files: Files, served: Path, known_pair: KnownPair
 ) -> None:
     folder = close_ups(served, known_pair)
-    request = {"far": server.ref(files[0]), "folder": server.ref(folder), "max_effort": "points"}
+    mask = [[[0.0, 0.0], [20.0, 0.0], [20.0, 20.0]]]
+    request: dict[str, Any] = {
+        "far": server.ref(files[0]),
+        "folder": server.ref(folder),
+        "max_effort": "points",
+    }
+    request["far_mask"] = mask
     batch = server.post("/api/batches", request)
     single = request | {"kind": "localize", "near": server.ref(files[1])}
     del single["folder"]
     job = server.post("/api/jobs", single)
-    missed, found = ended(server, batch["id"])
+    damaged, missed, found = ended(server, batch["id"])
+    assert (damaged["names"][1], damaged["status"]) == ("damaged.png", "error")
+    assert all(job["request"]["far_mask"] == mask for job in (damaged, missed, found))
     assert (missed["names"][1], missed["found"]) == ("=plain.png", False)
     assert (found["names"][1], found["found"]) == ("part.png", True)
     assert server.get(f"/api/jobs/{job['id']}")["started"] <= found["started"]
     path = f"/api/batches/{batch['id']}/export?layout="
     table = server.ask("GET", path + "csv").body.decode()
-    first, second = csv.DictReader(io.StringIO(table))
+    error, first, second = csv.DictReader(io.StringIO(table))
+    assert [row["state"] for row in (error, first, second)] == ["error", "not found", "localized"]
+    assert error["reason"] == damaged["error"]
+    assert first["explanation"] == missed["explanation"]
+    expected = found["expected_error"]
+    assert float(second["expected_error"]) == pytest.approx(expected["mean"])
+    assert float(second["expected_error_worst_corner"]) == pytest.approx(max(expected["corners"]))
     assert first["near"] == "'=plain.png"
     assert known_pair.error(np.array(json.loads(second["far_from_near"]))) < 2
     lines = server.ask("GET", path + "jsonl").body.decode().splitlines()
-    assert [json.loads(line)["status"] for line in lines] == ["failed", "localized"]
+    assert [json.loads(line)["status"] for line in lines] == ["error", "failed", "localized"]
     offered = server.get(f"/api/batches/{batch['id']}/answers/exports")
     assert {each["format"] for each in offered} >= {"csv", "geojson", "geopackage"}
     query = "format=csv&format=geojson&format=tum&format=qgis-points"
@@ -101,8 +118,8 @@ def test_a_table_fills_as_the_batch_runs(
     page.find("#batch")
     page.find("input[type=file]").send_keys(str(files[0]))
     page.wait(lambda: page.all(".slot-caption"))
-    form = tab_names(page, 6)
-    assert form[0] == "Remove the far image"
+    form = tab_names(page, 7)
+    assert form[:2] == ["Mask of the far image", "Remove the far image"]
     assert "Choose a folder" in form
     assert "What the images show" in form
     assert "How much to try" in form
@@ -113,14 +130,20 @@ def test_a_table_fills_as_the_batch_runs(
     page.push("Choose this folder", "dialog")
     page.driver.execute_script("document.querySelector('#effort').value = 'points'")
     page.click("#batch")
-    page.wait(lambda: page.all("tbody a") and page.has("1 found, 1 not found"))
+    page.wait(lambda: page.all("tbody a") and page.has("1 localized, 1 not found, 1 error"))
     names = [each.text for each in page.all("tbody a")]
-    assert names == ["=plain.png", "part.png"]
+    assert names == ["damaged.png", "=plain.png", "part.png"]
     assert tab_names(page, 9) == [
         "New batch", "All as CSV", "All as JSON lines", "Export all as …", "On the Earth",
-        "Close-ups", "=plain.png", "part.png", "",
+        "Close-ups", "damaged.png", "=plain.png", "part.png",
     ]  # fmt: skip
+    cells = [each.text for each in page.all("tbody td")]
+    rows = [cells[start : start + 5] for start in range(0, len(cells), 5)]
+    assert [row[0] for row in rows] == ["Error", "Not found", "Localized"]
+    assert "damaged.png is not an image that can be read" in rows[0][2]
+    assert rows[1][2].startswith("Hardly anything in the two images looks alike.")
+    assert re.fullmatch(r"[\d.]+ px in the mean, up to [\d.]+ px at a corner", rows[2][3])
     assert [each.text for each in page.all("thead th[scope=col]")][:2] == ["State", "Close-up"]
     page.push("part.png", "tbody")
-    page.wait(lambda: page.has("part.png in") and page.has("Found"))
+    page.wait(lambda: page.has("part.png in") and page.has("Localized"))
     assert not page.errors()

@@ -29,7 +29,7 @@ def test_a_pair_is_localized_and_its_overlay_fits_the_truth(
     page.wait(lambda: page.has("Where does the close-up lie?"))
     page.choose(files)
     page.click("#localize")
-    page.wait(lambda: page.has("Found") and page.all(".viewer[data-ready]"))
+    page.wait(lambda: page.has("Localized") and page.all(".viewer[data-ready]"))
     assert page.has("close-up.png in overview.png")
     far = ImageView(page, 0)
 

@@ -84,7 +84,7 @@ def test_an_answer_is_looked_at_and_exported(page: Page, files: Files, tmp_path:
     page.choose(files)
     tab_to(page, "How much to try")
     page.press(Keys.TAB, Keys.ENTER)
-    page.wait(lambda: page.has("Found") and page.all(".viewer[data-ready]"))
+    page.wait(lambda: page.has("Localized") and page.all(".viewer[data-ready]"))
     assert page.focused.get_attribute("id") == "main"
 
     tab_to(page, "Side by side")

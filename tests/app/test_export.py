@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import signal
 import sqlite3
 import sys
@@ -23,6 +24,7 @@ from PIL import Image
 from nearfar.app.exporting import exported
 from nearfar.app.formats import localization_of_row
 from nearfar.app.process import ExportAnswer
+from nearfar.app.reasons import in_plain_words
 from nearfar.exports import EXPORTERS
 from nearfar.geometry.homography import transform
 from nearfar.imaging.image import ImageInfo
@@ -80,6 +82,13 @@ def answer(server: Server, images: Files) -> Answer:
     return localized(server, server.ref(images[0]), server.ref(images[1]))
 
 
+def assert_plain(formats: dict[str, Any]) -> None:
+    """No reason has words of the command line or of Python."""
+    reasons = [each["reason"] for each in formats.values() if each["reason"]]
+    assert reasons
+    assert not [text for text in reasons if re.search(r"--|=|pip |nearfar\.", text)]
+
+
 def test_every_format_is_offered_but_poses(answer: Answer) -> None:
     formats = answer.formats()
     assert list(formats) == EXPORTERS.names()
@@ -87,6 +96,7 @@ def test_every_format_is_offered_but_poses(answer: Answer) -> None:
     assert refused == {"kitti", "tum", *GEO}
     assert "not georeferenced" in formats["geotiff"]["reason"]
     assert "is a homography" in formats["tum"]["reason"]
+    assert_plain(formats)
     for name in refused:
         assert answer.export(name).status == 409
     assert formats["opencv-yaml"]["file"] == "localization.yaml"
@@ -195,7 +205,8 @@ def test_a_failure_has_matches_and_no_outline(server: Server, tmp_path: Path) ->
         "hloc",
         "opencv-yaml",
     }
-    assert "failed" in formats["geojson"]["reason"]
+    assert "the near image was not found" in formats["geojson"]["reason"]
+    assert_plain(formats)
     assert answer.file("csv") == b"far_x,far_y,near_x,near_y,inlier\r\n"
 
 
@@ -345,5 +356,14 @@ def test_a_missing_package_names_its_extra(
     missing = {each.format: each for each in exported(task) if not each.file}
     assert set(missing) == names
     for each in missing.values():
-        install = "pip install 'nearfar[export]', or '.[export]' in a clone"
-        assert each.reason == f"this needs {package}: {install}"
+        lacking = "which is not installed (the extra export)"
+        assert each.reason == f"this needs {package}, {lacking}"
+
+
+def test_reasons_of_formats_are_plain() -> None:
+    reason = (
+        "the localization failed (few; the mirrored near image matches: if it is turned over, "
+        "allow it (--allow-mirrored)): an outline needs a homography (--model homography)"
+    )
+    plain = "the near image was not found: an outline needs a homography"
+    assert in_plain_words(reason) == plain

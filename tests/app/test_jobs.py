@@ -27,3 +27,11 @@ def test_jobs_of_another_version_are_left_alone(
     for _ in range(3):  # They take no room of other jobs, and are not removed to make some.
         store.create(known.request, ())
     assert other.is_dir()
+
+
+def test_a_job_that_an_older_version_calls_failed_is_an_error(tmp_path: Path) -> None:
+    known = JobStore(tmp_path, 2).create(LocalizeRequest(kind="localize", far="a", near="b"), ())
+    file = tmp_path / known.id / "job.json"
+    file.write_text(file.read_text().replace('"waiting"', '"failed"'))
+    (job,) = JobStore(tmp_path, 2).all()
+    assert job.status == job.outcome == "error"

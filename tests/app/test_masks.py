@@ -37,7 +37,7 @@ def test_what_is_masked_has_no_match_and_the_mask_is_kept(server: Server, files:
 def test_a_mask_of_the_whole_image_fails_the_job_alone(server: Server, files: Files) -> None:
     whole = [[-9, -9], [9999, -9], [9999, 9999], [-9, 9999]]
     job = ended(server, server.post("/api/jobs", request(server, files, far_mask=[whole])))
-    assert job["status"] == "failed"
+    assert job["status"] == "error"
     assert "leaves no pixel" in job["error"]
     assert ended(server, server.post("/api/jobs", request(server, files)))["found"]
 

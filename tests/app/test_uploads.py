@@ -1,4 +1,4 @@
-"""Images that were sent can be listed and deleted."""
+"""Copies of images that were dropped on the page are listed and deleted."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from tests.app.browser import Page
 from tests.app.conftest import Server
 
 
-def test_images_that_were_sent_are_deleted(
+def test_kept_images_are_listed_and_deleted(
     page: Page, server: Server, files: tuple[Path, Path]
 ) -> None:
     far, near = (server.send(file) for file in files)
@@ -22,7 +22,9 @@ def test_images_that_were_sent_are_deleted(
     known = {each["ref"]: each for each in server.get("/api/uploads")}
     assert (known[far]["jobs"], known[near]["jobs"]) == (1, 0)
     assert known[near]["name"] == "close-up.png"
-    page.open("#/uploads")
+    page.open("#/localize")
+    page.wait(lambda: page.has("Nothing leaves this machine."))
+    page.push("Images kept by this app")
     page.click("[aria-label='Delete overview.png']")
     page.wait(lambda: page.has("It is used by 1 job."))
     page.push("Delete", "dialog")
@@ -34,3 +36,14 @@ def test_images_that_were_sent_are_deleted(
     assert server.ask("GET", f"/api/images/info?ref={far}").status == 404
     assert server.send(files[0]) == far
     assert not page.errors()
+
+
+def test_the_app_prints_where_it_keeps_copies(tmp_path: Path) -> None:
+    server = Server([tmp_path], tmp_path / "data").start()
+    try:
+        assert server.process is not None
+        assert server.process.stdout is not None
+        said = server.process.stdout.readline().strip()
+    finally:
+        server.stop()
+    assert said == f"copies of dropped images, and answers: {tmp_path / 'data'}"

@@ -17,8 +17,11 @@ from nearfar import (
     read_image,
 )
 from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.imaging.image import ImagePair
 from nearfar.render import save_localization
+from nearfar.render.alignment import footprint_page
 from nearfar.render.draw import MARK
+from nearfar.verification.expected_error import ExpectedError
 from tests.conftest import KnownPair
 from tests.render.build import Shift, localized
 
@@ -195,6 +198,18 @@ def test_the_outline_is_drawn_where_the_footprint_is(
     offset = drawn - extent
     np.testing.assert_allclose(offset[0] - offset[1], 0, atol=5)
     np.testing.assert_allclose(offset.mean(axis=0), [28, 60], atol=1)
+
+
+def test_the_caption_of_the_outline_tells_confidence_and_expected_error(
+    pair: tuple[Image, Image], known_pair: KnownPair
+) -> None:
+    found = localized(*pair, known_pair.far_from_near)
+    error = ExpectedError(2.5, (1.0, 2.0, 3.0, 44.0))
+    told = [found, replace(found, confidence=0.97), replace(found, expected_error=error)]
+    plain, *others = (np.asarray(footprint_page(each, ImagePair(*pair))) for each in told)
+    for page in others:
+        rows = np.nonzero((page != plain).any(axis=(1, 2)))[0]
+        assert rows.min() > len(plain) - 60
 
 
 def test_same_answer_same_bytes(

@@ -13,13 +13,14 @@ from nearfar.app.choices import Device, MatcherName
 from nearfar.app.errors import ConflictError, NotFoundError
 from nearfar.app.jobs import Job, JobStore, LocalizeRequest, Reference
 from nearfar.app.library import Library
-from nearfar.app.process import Message
+from nearfar.app.process import Areas, Message
 from nearfar.settings import Effort
 
 MOST = 100
 """Largest number of close-ups of a batch."""
 COLUMNS = (
-    "near", "far", "state", "scale_change", "confidence", "model", "failure", "reason",
+    "near", "far", "state", "scale_change", "confidence", "expected_error",
+    "expected_error_worst_corner", "warning", "explanation", "model", "failure", "reason",
     "far_from_near", "footprint",
 )  # fmt: skip
 """Columns of the table that is exported."""
@@ -34,6 +35,7 @@ class BatchRequest(Message):
     max_effort: Effort = Field(default="views")
     matcher: MatcherName = "sift"
     device: Device = "auto"
+    far_mask: Areas = ()
 
 
 @dataclass(frozen=True)
@@ -101,15 +103,18 @@ def exported_batch(store: JobStore, jobs: Iterable[Job], layout: Literal["csv", 
 
 def _row(store: JobStore, job: Job) -> dict[str, Any]:
     far, near = job.names
-    state = "localized" if job.found else "not found" if job.status == "done" else job.status
-    row: dict[str, Any] = {"state": state, "reason": job.error}
+    row: dict[str, Any] = {"state": job.outcome, "status": job.status, "reason": job.error}
     if job.status == "done":
-        row |= store.result(job.id)["localization"]
+        result = store.result(job.id)
+        row |= {name: result.get(name) for name in ("explanation", "warning")}
+        row |= result["localization"]
+        corners = (row.get("expected_error") or {}).get("corners")
+        row["expected_error_worst_corner"] = max(corners) if corners else None
     return row | {"far": far, "near": near}
 
 
 def _cell(value: Any) -> str:
-    """Return a value as text that no spreadsheet takes for a formula."""
+    """Return a value as text that no spreadsheet takes for a formula; of an object the first."""
     if isinstance(value, dict):
         (value,) = list(value.values())[:1] or [None]
     if value is None:

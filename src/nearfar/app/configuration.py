@@ -69,7 +69,7 @@ class AppConfiguration:
 
     Attributes:
         folders: folders whose images, maps and results may be opened.
-        data: folder in which the app keeps what was sent to it, jobs and annotations.
+        data: folder in which the app keeps copies of dropped images, jobs and annotations.
         host: address to listen at.
         token: the token that every request must bring; None where none is needed.
         limits: bounds of memory, disk and time.

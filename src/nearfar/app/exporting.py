@@ -8,6 +8,7 @@ import numpy as np
 from nearfar.app.formats import read_matches
 from nearfar.app.parts import large_raster
 from nearfar.app.process import ExportAnswer, ExportAnswers, Outcome
+from nearfar.app.reasons import in_plain_words
 from nearfar.errors import ExportError, NearfarError
 from nearfar.exports import (
     EXPORTERS,
@@ -107,6 +108,6 @@ def _written(name: str, subject: Subject, task: ExportAnswer) -> Outcome:
             )
         files = writer.write(subject, task.folder / file)
     except (NearfarError, OSError) as error:
-        return Outcome(format=name, file=file, reason=str(error))
+        return Outcome(format=name, file=file, reason=in_plain_words(str(error)))
     inside = (each.relative_to(task.folder).as_posix() for each in files)
     return Outcome(format=name, file=file, files=tuple(inside))

@@ -174,8 +174,8 @@ class Uploads:
             )
         if self._stored + size > self._limits.stored_bytes:
             raise StoreFullError(
-                "there is no room for further images: delete some of those that were sent, or open "
-                "images from a folder that the app was started with",
+                "there is no room for further images: delete some of those kept by this app, or "
+                "open images from a folder that the app was started with",
             )
 
 

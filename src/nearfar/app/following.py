@@ -9,6 +9,7 @@ from pathlib import Path
 from nearfar.app.cameras import camera_of_frames
 from nearfar.app.library import frame_files
 from nearfar.app.process import Ended, FrameReport, Message, Outcome, StageReport
+from nearfar.app.reasons import in_plain_words
 from nearfar.app.track_tasks import ExportTrack, FollowFrames
 from nearfar.errors import ExportError, LocalizationError, MapError, NearfarError
 from nearfar.imaging.kinds import is_video_name
@@ -210,7 +211,10 @@ def _outcome(name: str, states: list[TrackState], map_: Map | None, task: Export
     if reason is None and not written:
         reason = "nothing could be drawn: the frames cannot be read"
     return Outcome(
-        format=name, file=_file(name), files=(_file(name),) if written else (), reason=reason
+        format=name,
+        file=_file(name),
+        files=(_file(name),) if written else (),
+        reason=reason and in_plain_words(reason),
     )
 
 

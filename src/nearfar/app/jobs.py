@@ -10,19 +10,19 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, field_validator
 
 from nearfar.app.cameras import CameraText
 from nearfar.app.choices import Device, MatcherName
 from nearfar.app.errors import NotFoundError
 from nearfar.app.files import write_whole
-from nearfar.app.process import Areas, Message
+from nearfar.app.process import Areas, Expected, Message
 from nearfar.runtime import logs
 from nearfar.settings import Effort
 
 _ID = re.compile(r"[0-9a-f]{16}")
 Reference = Annotated[str, Field(max_length=4000)]
-Status = Literal["waiting", "running", "done", "failed", "cancelled", "interrupted"]
+Status = Literal["waiting", "running", "done", "error", "cancelled", "interrupted"]
 
 
 class LocalizeRequest(Message):
@@ -141,9 +141,12 @@ class Job(Message):
         stage: the stage that runs now.
         stages: the stages that have begun, in order.
         steps: the steps that have been tried, in order.
-        error: reason of a failure; a pair that is not found is no failure.
+        error: reason of an error; a pair that is not found is none.
         summary: the answer in a few words.
         found: whether the answer is a place.
+        explanation: why there is no place, in plain words.
+        warning: what makes the place doubtful, in plain words.
+        expected_error: the error that the place is expected to have; None where it is not known.
         batch: id of the batch that it belongs to; None for a job of its own.
         frames: progress of a track; None of another job, and before the first frame.
     """
@@ -161,8 +164,23 @@ class Job(Message):
     error: str | None = None
     summary: str = ""
     found: bool = False
+    explanation: str = ""
+    warning: str = ""
+    expected_error: Expected | None = None
     batch: str | None = None
     frames: FrameProgress | None = None
+
+    @field_validator("status", mode="before")
+    @classmethod
+    def _renamed(cls, status: object) -> object:
+        return "error" if status == "failed" else status  # The name up to version 0.2.0.
+
+    @property
+    def outcome(self) -> str:
+        """The state in the words of the page: "localized", "not found", "error" and so on."""
+        if self.status == "done":
+            return "localized" if self.found else "not found"
+        return self.status
 
     @property
     def active(self) -> bool:

@@ -191,6 +191,22 @@ class Outcome(Message):
     reason: str | None = None
 
 
+class Expected(Message):
+    """The error that an answer is expected to have; see `nearfar.localization.Localization`.
+
+    Attributes:
+        mean: mean over the near image in far pixels; None of a pose.
+        corners: error at the four corners of the near image in far pixels; None of a pose.
+        rotation: angle in degrees; None unless it is a pose.
+        direction: angle in degrees; None unless it is a pose.
+    """
+
+    mean: float | None
+    corners: tuple[float, float, float, float] | None
+    rotation: float | None
+    direction: float | None
+
+
 class Ended(Message):
     """A task has ended.
 
@@ -198,6 +214,9 @@ class Ended(Message):
         error: what was wrong with it; None where it was done.
         summary: the answer in a few words.
         found: whether the answer is a place.
+        explanation: why there is no place, in plain words.
+        warning: what makes the place doubtful, in plain words.
+        expected_error: the error that the place is expected to have; None where it is not known.
         outcomes: one for each format of an export.
         size: width and height of the image of a picture, as displayed, in pixels.
         written: bytes of the tiles that were written.
@@ -208,6 +227,9 @@ class Ended(Message):
     error: str | None = None
     summary: str = ""
     found: bool = False
+    explanation: str = ""
+    warning: str = ""
+    expected_error: Expected | None = None
     outcomes: tuple[Outcome, ...] = ()
     size: tuple[int, int] | None = None
     written: int = 0

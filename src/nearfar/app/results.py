@@ -9,9 +9,11 @@ import numpy as np
 
 from nearfar.arrays import Coordinates, Mask
 from nearfar.geometry.epipolar import RelativePose, fundamental_from_pose
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import outline, transform
+from nearfar.imaging.overlap import polygon_area, polygon_intersection
 from nearfar.localization import Localization, PointMatches
 from nearfar.maps.answers import MapAnswer, MapLocalization
+from nearfar.mirroring import HINT
 from nearfar.models import FailureKind
 from nearfar.settings import Settings
 
@@ -45,6 +47,10 @@ _EXPLANATIONS: dict[FailureKind, str] = {
         "Only what lies at the same spot of both pictures agrees, such as text, a frame or a mark "
         "drawn over them. Beside it they share no place."
     ),
+    "plane": (
+        "What agrees lies on one plane, so that the depth of the scene remains open. Localize it "
+        "as a flat scene."
+    ),
     "too-small": (
         "One place of the far image looks like the near image, but it is only a few pixels large "
         "there. A far image of a higher resolution may help."
@@ -60,6 +66,11 @@ def explanation(found: Localization, settings: Settings) -> str | None:
     """Explain a failure in plain words; return None for a success."""
     if found.localized:
         return None
+    if HINT in (found.reason or ""):
+        return (
+            "The near image is found once it is mirrored. It may have been turned over, as a slide "
+            "can be. Mirror the picture, and localize it again."
+        )
     if found.failure == "low-confidence":
         return (
             "There is a place where the near image might lie, but too little speaks for it to be "
@@ -80,6 +91,26 @@ def explanation(found: Localization, settings: Settings) -> str | None:
         f"Of {matches:,} spots that look alike in the two images, no group agrees on one place. "
         "The near image may not lie in the far one, be too small there, or show the scene from "
         "too different a side."
+    )
+
+
+LEAST_INSIDE = 0.5
+"""Share of an outline inside the far image below which it is doubtful, as no match lies outside."""
+
+
+def warning(found: Localization) -> str | None:
+    """Warn in plain words of an outline that reaches far outside the far image; else None."""
+    corners = found.footprint
+    if corners is None:
+        return None
+    whole = outline(found.far.width, found.far.height)
+    area = polygon_area(corners)
+    inside = polygon_area(polygon_intersection(corners, whole)) / area if area > 0 else 0.0
+    if inside >= LEAST_INSIDE:
+        return None
+    return (
+        f"The outline reaches far outside the far image: {inside:.0%} of it lies inside. Nothing "
+        "confirms the rest, so check it by eye."
     )
 
 
@@ -165,6 +196,7 @@ def localization_result(found: Localization, steps: Mapping[str, Step], settings
         "localization": found.to_dict(),
         "epipolar": _epipolar(found),
         "explanation": explanation(found, settings),
+        "warning": warning(found),
         "steps": list(shown.values()),
         "landmarks": [
             {"far": far.tolist(), "near": near.tolist(), "similarity": _finite(float(similarity))}

@@ -114,7 +114,7 @@ class Runner:
         except OSError as error:
             text = f"the job could not be kept: {error.strerror or error}"
             with contextlib.suppress(NotFoundError):
-                failed = self._store.get(job_id).with_(status="failed", ended=time.time())
+                failed = self._store.get(job_id).with_(status="error", ended=time.time())
                 self._store.note(failed.with_(stage=None, error=text))
 
     async def _do(self, job: Job) -> None:
@@ -134,7 +134,7 @@ class Runner:
         with contextlib.suppress(NotFoundError):
             job = self._store.get(job.id)
             if job.status == "running":
-                status = "done" if ended.error is None else "failed"
+                status = "done" if ended.error is None else "error"
                 self._store.save(
                     job.with_(
                         status=status,
@@ -145,6 +145,9 @@ class Runner:
                         else self._library.without_places(ended.error),
                         summary=ended.summary,
                         found=ended.found,
+                        explanation=ended.explanation,
+                        warning=ended.warning,
+                        expected_error=ended.expected_error,
                     )
                 )
 

@@ -11,7 +11,7 @@ import uvicorn
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from filelock import FileLock, Timeout
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from nearfar.app.configuration import AppConfiguration
@@ -40,6 +40,8 @@ from nearfar.app.routes import (
 )
 from nearfar.errors import NearfarError, SettingsError
 
+PAGES = ("localize", "batch", "map", "track", "results", "annotate", "kept", "world")
+"""Names of the pages, as in `static/js/main.js`."""
 STATIC = Path(__file__).parent / "static"
 STATUSES: dict[type[Exception], int] = {
     IncompleteError: 400,
@@ -79,7 +81,11 @@ def create_app(configuration: AppConfiguration) -> FastAPI:
     app.add_exception_handler(NearfarError, _refused)
     app.add_exception_handler(OSError, _not_stored)
     app.add_exception_handler(RequestValidationError, _malformed)
+    app.add_exception_handler(404, _unknown)
     app.add_api_route("/", _page, include_in_schema=False)
+    for name in PAGES:
+        app.add_api_route(f"/{name}", _to_page, include_in_schema=False)
+        app.add_api_route(f"/{name}/{{rest:path}}", _to_page, include_in_schema=False)
     app.mount("/static", _Static(directory=STATIC))
     app.add_middleware(Guard, configuration=configuration)
     return app
@@ -173,6 +179,18 @@ class _Static(StaticFiles):
 
 async def _page() -> FileResponse:
     return FileResponse(STATIC / "index.html", headers=_REVALIDATED)
+
+
+async def _to_page(request: Request) -> RedirectResponse:
+    """Send a browser to the page that an address means: pages are named behind a #."""
+    return RedirectResponse(f"/#{request.url.path}")
+
+
+async def _unknown(request: Request, error: Exception) -> Response:  # noqa: ARG001
+    """Answer that there is no such address, as a page unless a program asks."""
+    if request.url.path.startswith("/api/"):
+        return JSONResponse({"detail": "there is no such address"}, 404)
+    return FileResponse(STATIC / "not-found.html", 404, headers=_REVALIDATED)
 
 
 async def _refused(request: Request, error: Exception) -> Response:

@@ -19,6 +19,7 @@ from nearfar.app.process import (
     Areas,
     AttemptReport,
     Ended,
+    Expected,
     ExportAnswer,
     ExportAnswers,
     LocalizePair,
@@ -123,10 +124,16 @@ class Worker:
                 watcher=steps,
             )
         write_matches(task.matches, found.points)
-        _write(task.result, localization_result(found, steps.best, settings))
+        result = localization_result(found, steps.best, settings)
+        _write(task.result, result)
         if not found.localized:
-            return Ended(summary="not found")
-        return Ended(summary=in_words(found), found=True)
+            return Ended(summary="not found", explanation=result["explanation"])
+        return Ended(
+            summary=in_words(found),
+            found=True,
+            warning=result["warning"] or "",
+            expected_error=_expected(found),
+        )
 
     def _locate(self, task: LocateInMap) -> Ended:
         self._notify_stage("searching the map")
@@ -150,6 +157,13 @@ class Worker:
     def _notify_step(self, step: Step) -> None:
         agreeing = int(step.inliers.sum())
         self._send(AttemptReport(step=step.name, matches=len(step.far), agreeing=agreeing))
+
+
+def _expected(found: Localization) -> Expected | None:
+    if found.expected_error is None:
+        return None
+    known = found.expected_error.to_dict()
+    return Expected(**{name: known[name] for name in Expected.model_fields})
 
 
 def in_words(found: Localization) -> str:

@@ -14,7 +14,7 @@ from nearfar.app import PACKAGES
 from nearfar.cli.options import Flag
 from nearfar.errors import SettingsError
 from nearfar.runtime import require
-from nearfar.storage.locations import is_text
+from nearfar.storage.locations import as_text, is_text
 
 
 def app_command(
@@ -41,10 +41,10 @@ def app_command(
             plain HTTP, and need the token.
         token_file: File with the token that a browser must bring; $NEARFAR_APP_TOKEN may hold it
             instead. One is made where --host needs one.
-        data: Folder for images that are dropped on the page, answers and annotations; by default
-            the system's folder for a user's data.
-        max_upload: Refuse to be sent images of more megabytes.
-        max_pixels: Refuse larger images, which may be decompression bombs.
+        data: Folder on this machine for copies of images that are dropped on the page, answers and
+            annotations; by default the system's folder for a user's data.
+        max_upload: Largest file that can be dropped on the page, in megabytes.
+        max_pixels: Largest number of pixels of an image; larger ones may be decompression bombs.
         open_browser: Open the page in a browser.
     """
     require("app", *PACKAGES)
@@ -71,9 +71,9 @@ def app_command(
         address = f"http://{shown}:{chosen}/" + (f"?token={quote(token, safe='')}" if token else "")
 
         def tell() -> None:
-            Console(emoji=False, highlight=False, soft_wrap=True).print(
-                f"nearfar app: {address}", markup=False
-            )
+            place = as_text(str(kept))
+            text = f"nearfar app: {address}\ncopies of dropped images, and answers: {place}"
+            Console(emoji=False, highlight=False, soft_wrap=True).print(text, markup=False)
             if open_browser:
                 webbrowser.open(address)
 

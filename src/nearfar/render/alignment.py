@@ -305,11 +305,24 @@ def _caption(localization: Localization, visible: bool) -> Caption:
     support = Entry(
         f"{points.inliers.sum():,} of {len(points):,} point matches agree on the homography"
     )
+    entries = (support, *_certainty(localization))
     if not visible:
         nowhere = "The near image would lie outside the far image, or cover less than a pixel"
-        return Caption(nowhere, (support,))
+        return Caption(nowhere, entries)
     where = _size_of_scene(localization.scale_change)
-    return Caption(f"The near image lies inside the outline{where}", (support,))
+    return Caption(f"The near image lies inside the outline{where}", entries)
+
+
+def _certainty(localization: Localization) -> list[Entry]:
+    """Return the confidence and the expected error, those that are known."""
+    entries, expected = [], localization.expected_error
+    if localization.confidence is not None:
+        entries.append(Entry(f"Confidence {localization.confidence:.2f}"))
+    if expected is not None and expected.corners is not None:
+        worst = max(expected.corners)
+        text = f"Expected error {expected.mean:.1f} px, up to {worst:.1f} px at a corner"
+        entries.append(Entry(text))
+    return entries
 
 
 def _size_of_scene(scale_change: float | None) -> str:

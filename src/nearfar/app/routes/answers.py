@@ -67,7 +67,7 @@ def get_result(held: Held, job_id: str) -> dict[str, Any]:
 
 @router.post("/jobs/{job_id}/start")
 async def start_job(held: Held, job_id: str) -> Job:
-    """Do a job again that was interrupted, cancelled or failed."""
+    """Do a job again that was interrupted or cancelled, or ended in an error."""
     return held.runner.submit(held.jobs.get(job_id))
 
 
@@ -119,15 +119,17 @@ class About:
 
     Attributes:
         version: version of nearfar.
+        local: whether only this machine can connect.
         folders: number of folders that the app was started with.
         maps: reason why maps cannot be searched; None where they can.
-        upload_megabytes: size of the largest image that can be sent.
+        upload_megabytes: size of the largest image that can be dropped on the page.
         efforts: values of `max_effort`, the least effort first.
         matchers: the matchers, and what to install for those that cannot be used.
         devices: the devices that a learned matcher may use.
     """
 
     version: str
+    local: bool
     folders: int
     maps: str | None
     upload_megabytes: float
@@ -146,7 +148,8 @@ def about(held: Held) -> About:
         missing = str(error)
     upload = configuration.limits.upload_bytes / MEGABYTE
     offered = EFFORTS, matchers(), devices()
-    return About(nearfar.__version__, len(configuration.folders), missing, upload, *offered)
+    folders = len(configuration.folders)
+    return About(nearfar.__version__, configuration.local, folders, missing, upload, *offered)
 
 
 @router.get("/runs")

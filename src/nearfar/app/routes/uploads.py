@@ -1,4 +1,4 @@
-"""Routes of the images that were sent: which are kept, and their deletion."""
+"""Routes of the copies of images that were dropped on the page, and their deletion."""
 
 from dataclasses import dataclass
 

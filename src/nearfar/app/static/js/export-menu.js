@@ -1,4 +1,4 @@
-/** "Export as …": the formats of an answer, those that it cannot be written in with the reason. */
+/** "Export as …": the formats of an answer; below, those that it cannot be written in, and why. */
 
 import { get, save } from "./api.js";
 import { dialog, fill, h, icon, toast } from "./dom.js";
@@ -30,7 +30,9 @@ function choose(path, query, nameOf) {
       }
     };
     get(`${path}/exports`, query).then((formats) => {
-      fill(list, formats.map((each) => choice(each, nameOf)));
+      const refused = formats.filter((each) => each.reason !== null);
+      fill(list, formats.filter((each) => each.reason === null).map((each) => choice(each, nameOf)),
+        refused.length > 0 && h("h3", {}, "Not possible here"), refused.map((each) => choice(each, nameOf)));
       list.querySelector("input:enabled")?.focus();
     }, (error) => fill(list, h("p", { class: "problem", role: "alert" }, error.message)));
     list.addEventListener("change", () => {

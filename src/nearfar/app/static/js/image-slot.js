@@ -30,9 +30,9 @@ export class ImageSlot extends EventTarget {
     this.#empty();
   }
 
-  /** Send a file to the server and show it. */
+  /** Give a file to the server and show it. */
   async take(file) {
-    this.#busy(`Sending ${file.name}…`);
+    this.#busy(`Opening ${file.name}…`);
     try {
       this.set(await sendImage(file));
     } catch (error) {

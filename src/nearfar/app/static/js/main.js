@@ -3,11 +3,11 @@
 import { fill, h, icon } from "./dom.js";
 import { annotatePage } from "./pages/annotate.js";
 import { batchPage } from "./pages/batch.js";
+import { keptPage } from "./pages/kept.js";
 import { localizePage } from "./pages/localize.js";
 import { mapPage } from "./pages/map.js";
 import { resultsPage } from "./pages/results.js";
 import { trackPage } from "./pages/track.js";
-import { uploadsPage } from "./pages/uploads.js";
 import { worldPage } from "./pages/world.js";
 import { listenForShortcuts, setGlobalShortcuts, setShortcuts, showHelp } from "./shortcuts.js";
 import { setUpTheme } from "./theme.js";
@@ -19,7 +19,7 @@ const PAGES = {
   track: ["Track", trackPage],
   results: ["Results", resultsPage],
   annotate: ["Annotate", annotatePage],
-  uploads: ["Sent images", uploadsPage],
+  kept: ["Kept images", keptPage],
   world: ["World", worldPage],
 };
 

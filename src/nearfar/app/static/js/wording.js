@@ -69,14 +69,27 @@ export const STATUS = {
   waiting: "Waiting",
   running: "Running",
   done: "Done",
-  failed: "Error",
+  error: "Error",
   cancelled: "Cancelled",
   interrupted: "Interrupted",
 };
 
 /** What a job's state is called and coloured like. */
 export function jobState(job) {
-  if (job.status === "done") return job.found ? ["Found", "good"] : ["Not found", "warn"];
-  const kinds = { waiting: "quiet", running: "busy", failed: "bad", cancelled: "quiet", interrupted: "warn" };
+  if (job.status === "done") return job.found ? [job.request.kind === "localize" ? "Localized" : "Found", "good"] : ["Not found", "warn"];
+  const kinds = { waiting: "quiet", running: "busy", error: "bad", cancelled: "quiet", interrupted: "warn" };
   return [STATUS[job.status], kinds[job.status]];
+}
+
+const pixels = (value) => `${Number(value.toPrecision(3))} px`;
+const degrees = (value) => `${Number(value.toPrecision(2))}°`;
+
+/**
+ * The error that an answer is expected to have, in words; empty where it is not known.
+ * @param {{mean: number|null, corners: number[]|null, rotation: number|null, direction: number|null}|null} expected
+ */
+export function expectedError(expected) {
+  if (!expected) return "";
+  if (expected.mean === null) return `${degrees(expected.rotation)} in the rotation, ${degrees(expected.direction)} in the direction`;
+  return `${pixels(expected.mean)} in the mean${expected.corners ? `, up to ${pixels(Math.max(...expected.corners))} at a corner` : ""}`;
 }

@@ -3,6 +3,7 @@
 import { get, post, remove } from "../api.js";
 import { AnnotationEditor } from "../annotation-editor.js";
 import { confirmed, fill, formatTime, h, iconButton, toast } from "../dom.js";
+import { keptNote } from "../kept-note.js";
 import { pairOfSlots } from "./localize.js";
 import { setShortcuts } from "../shortcuts.js";
 
@@ -23,7 +24,7 @@ export async function annotatePage(main, [id], signal) {
 }
 
 async function start(main) {
-  const slots = pairOfSlots();
+  const about = await get("/api/about"), slots = pairOfSlots();
   const go = h("button", { type: "button", class: "primary large", disabled: true, id: "annotate", onclick: () => submit() }, "Mark points");
   const submit = async () => {
     if (go.disabled) return;
@@ -42,7 +43,7 @@ async function start(main) {
   const list = h("section", { class: "recent" });
   fill(main, h("div", { class: "intro" }, h("h1", {}, "Mark the truth by hand"),
     h("p", { class: "lead" }, "Click the same ten places in both images. What you mark becomes a pair of a benchmark, as in the paper.")),
-  slots.element, h("div", { class: "form-row end" }, go), list);
+  slots.element, h("div", { class: "form-row end" }, go), keptNote(about), list);
   showList(list);
 }
 

@@ -6,9 +6,10 @@ import { exportButton } from "../export-menu.js";
 import { pickFolder } from "../file-picker.js";
 import { ImageSlot } from "../image-slot.js";
 import { badge, notice } from "../job-view.js";
+import { keptNote } from "../kept-note.js";
 import { matcherChoice } from "../matcher-choice.js";
 import { setShortcuts } from "../shortcuts.js";
-import { effortName } from "../wording.js";
+import { effortName, expectedError, stageName } from "../wording.js";
 import { worldLink } from "./world.js";
 
 const EVERY = 1000;
@@ -19,8 +20,8 @@ export async function batchPage(main, [id], signal) {
 }
 
 async function start(main) {
-  const { efforts, matchers, devices } = await get("/api/about");
-  const slot = new ImageSlot("Far image", "The overview in which all close-ups are looked for.");
+  const about = await get("/api/about"), { efforts, matchers, devices } = about;
+  const slot = new ImageSlot("Far image", "The overview in which all close-ups are looked for.", true);
   let folder = null;
   const name = h("p", { class: "quiet", role: "status" }, "No folder is chosen.");
   const pick = h("button", { type: "button", id: "batch-folder", onclick: async () => {
@@ -35,7 +36,7 @@ async function start(main) {
     if (go.disabled) return;
     go.disabled = true;
     try {
-      const batch = await post("/api/batches", { far: slot.image.ref, folder: folder.ref, model: model.value, max_effort: effort.value, ...choice.chosen });
+      const batch = await post("/api/batches", { far: slot.image.ref, folder: folder.ref, model: model.value, max_effort: effort.value, ...choice.chosen, far_mask: slot.areas });
       location.hash = `#/batch/${batch.id}`;
     } catch (error) {
       toast(error.message, "error");
@@ -52,7 +53,7 @@ async function start(main) {
   h("div", { class: "slots two" }, slot.element, h("section", { class: "panel" }, h("h2", {}, "Folder of close-ups"), name, h("div", {}, pick))),
   h("div", { class: "form-row" }, h("label", { class: "field", for: "model" }, "What the images show", model),
     h("label", { class: "field", for: "effort" }, "How much to try", effort), go),
-  choice.element, recent);
+  choice.element, keptNote(about), recent);
   showRecent(recent);
 }
 
@@ -68,9 +69,11 @@ async function showRecent(element) {
 const active = (job) => ["waiting", "running"].includes(job.status);
 
 function counted(jobs) {
-  const left = jobs.filter(active).length, found = jobs.filter((job) => job.found).length;
-  const failed = jobs.length - left - found;
-  return [`${found} found`, failed && `${failed} not found`, left && `${left} to do`].filter(Boolean).join(", ");
+  const number = (test) => jobs.filter(test).length, errors = number((job) => job.status === "error");
+  const missed = number((job) => job.status === "done" && !job.found), left = number(active);
+  const stopped = number((job) => ["cancelled", "interrupted"].includes(job.status));
+  return [`${number((job) => job.found)} localized`, missed && `${missed} not found`, errors && `${errors} ${errors === 1 ? "error" : "errors"}`,
+    stopped && `${stopped} stopped`, left && `${left} to do`].filter(Boolean).join(", ");
 }
 
 async function table(main, id, signal) {
@@ -93,7 +96,7 @@ async function table(main, id, signal) {
   fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/batch" }, "New batch"), h("div", {}, heading, summary)),
     h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines"), exportButton(`/api/batches/${id}/answers`, {}, "Export all as …"), worldLink("batch", id)),
     h("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Close-ups" },
-      h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Time"].map((text, i) => h("th", { scope: "col", class: i > 2 ? "number" : "" }, text)))), body)));
+      h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Expected error", "Time"].map((text, i) => h("th", { scope: "col", class: i > 3 ? "number" : "" }, text)))), body)));
   while (!signal.aborted) {
     try {
       const batch = await get(`/api/batches/${id}`);
@@ -111,6 +114,13 @@ async function table(main, id, signal) {
 
 function row(job) {
   return h("tr", {}, h("td", {}, badge(job)), h("td", {}, h("a", { href: `#/localize/${job.id}` }, job.names[1])),
-    h("td", {}, job.error ?? (job.status === "running" ? job.stage ?? "" : job.summary)),
+    h("td", { class: "told" }, said(job), job.warning && h("span", { class: "caution small" }, icon("alert"), job.warning)),
+    h("td", {}, expectedError(job.expected_error) || "–"),
     h("td", { class: "number" }, job.started && job.ended ? formatSeconds(job.ended - job.started) : "–"));
+}
+
+/** What there is to say of a job in one cell. */
+function said(job) {
+  if (job.status === "running") return job.stage ? stageName(job.stage) : "";
+  return job.error || job.explanation || job.summary;
 }

@@ -6,13 +6,14 @@ import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, icon
 import { exportButton } from "../export-menu.js";
 import { ImageSlot } from "../image-slot.js";
 import { showJob } from "../job-page.js";
+import { keptNote } from "../kept-note.js";
 import { badge, confidenceMeter, confidenceText, facts, notice } from "../job-view.js";
 import { matcherChoice } from "../matcher-choice.js";
 import { offers } from "../offers.js";
 import { PairViewer } from "../pair-viewer.js";
 import { relativePose } from "../pose-words.js";
 import { setShortcuts } from "../shortcuts.js";
-import { effortName, stepName } from "../wording.js";
+import { effortName, expectedError, stepName } from "../wording.js";
 import { worldLink } from "./world.js";
 
 export async function localizePage(main, [id], signal) {
@@ -21,7 +22,7 @@ export async function localizePage(main, [id], signal) {
 }
 
 async function start(main) {
-  const { efforts, matchers, devices } = await get("/api/about");
+  const about = await get("/api/about"), { efforts, matchers, devices } = about;
   const slots = pairOfSlots(true);
   const model = h("select", { id: "model" },
     h("option", { value: "homography" }, "Flat scene, or camera that only turned"),
@@ -61,7 +62,7 @@ async function start(main) {
       h("label", { class: "field", for: "effort" }, "How much to try", effort),
       go),
     cameras.element, choice.element,
-    h("p", { class: "small more-options" }, h("a", { href: "#/uploads" }, "Images that were sent")),
+    keptNote(about),
     recent);
   showRecent(recent);
 }
@@ -122,15 +123,17 @@ function answerFacts(job, result, again, viewer) {
   const found = result.localization, localized = found.status === "localized";
   const total = Object.values(found.seconds).reduce((a, b) => a + b, 0);
   return [
-    localized ? h("p", { class: "verdict good" }, icon("check"), "Found") : h("div", { class: "verdict-block" },
+    localized ? h("p", { class: "verdict good" }, icon("check"), "Localized") : h("div", { class: "verdict-block" },
       h("p", { class: "verdict warn" }, icon("alert"), "Not found"), h("p", {}, result.explanation),
       h("details", {}, h("summary", {}, "In the method's words"), h("p", { class: "quiet small" }, found.reason)),
       unverifiedPlaces(found.candidates ?? [], viewer, (found.alternatives ?? []).length)),
+    result.warning && h("p", { class: "caution" }, icon("alert"), result.warning),
     offers(job.request, found),
     alternatives(found.alternatives ?? [], viewer),
     facts([
       ["Scale change", found.scale_change && localized ? `${formatNumber(found.scale_change)}×` : "–"],
       ["Confidence", confidenceText(found.confidence), confidenceMeter(found.confidence)],
+      found.expected_error && ["Expected error", expectedError(found.expected_error)],
       agreeing(result),
       masked(job.request) && ["Left out by masks", masked(job.request)],
       found.excluded && ["Left out as an overlay", `${found.excluded.matches} matches`],

@@ -6,9 +6,11 @@ import { confirmed, fill, formatNumber, formatSeconds, formatTime, h, icon, icon
 import { ImageSlot } from "../image-slot.js";
 import { showJob } from "../job-page.js";
 import { badge, confidenceText, facts, notice } from "../job-view.js";
+import { keptNote } from "../kept-note.js";
 import { PairViewer } from "../pair-viewer.js";
 import { worldPose } from "../pose-words.js";
 import { setShortcuts } from "../shortcuts.js";
+import { expectedError } from "../wording.js";
 import { worldLink } from "./world.js";
 
 export async function mapPage(main, [id], signal) {
@@ -48,7 +50,7 @@ async function start(main) {
   const recent = h("section", { class: "recent" });
   fill(main, intro, h("div", { class: "slots two" }, h("section", { class: "panel" }, h("h2", {}, "Map"), choice,
     h("div", {}, h("button", { type: "button", id: "map-world", onclick: look }, icon("map"), "Its images on the Earth"))), slot.element),
-    h("div", { class: "form-row" }, camera.element, go), recent);
+    h("div", { class: "form-row" }, camera.element, go), keptNote(about), recent);
   showRecent(recent);
 }
 
@@ -121,6 +123,7 @@ function ranked(job, result) {
     buttons.forEach((button, k) => button.setAttribute("aria-pressed", String(k === i)));
     fill(detail, facts([
       ["Scale change", `${formatNumber(answer.scale_change)}×`],
+      answer.expected_error != null && ["Expected error", expectedError({ mean: answer.expected_error })],
       ["Votes", formatNumber(answer.votes, 1)],
       ["Matches that agree", `${answer.steps[0].agreeing} of ${answer.steps[0].matches}`],
     ]), place(answer.world));

@@ -1,12 +1,12 @@
-/** The images that were sent to the server: what uses them, and their deletion. */
+/** The copies of images that were dropped on the page: what uses them, and their deletion. */
 
 import { get, pictureAddress, remove } from "../api.js";
 import { confirmed, fill, h, icon, iconButton, toast } from "../dom.js";
 
 const MEGABYTE = 1e6;
 
-export async function uploadsPage(main) {
-  const summary = h("p", { class: "lead", role: "status" }), list = h("div", {});
+export async function keptPage(main) {
+  const { local } = await get("/api/about"), summary = h("p", { role: "status" }), list = h("div", {});
   const tidy = h("button", { type: "button", hidden: true, onclick: () => removeAll(unused) }, icon("trash"), "Delete those that nothing uses");
   let unused = [];
   const show = async () => {
@@ -33,7 +33,10 @@ export async function uploadsPage(main) {
     await show();
     main.focus({ preventScroll: true });
   };
-  fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/localize" }, "Localize"), h("div", {}, h("h1", {}, "Sent images"))),
+  fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/localize" }, "Localize"), h("div", {}, h("h1", {}, "Images kept by this app"))),
+    h("p", { class: "lead" }, "These are copies of images that were dropped on the page or chosen as files. ",
+      local ? "They lie in a folder of this machine, and nothing leaves it. " : "They lie in a folder of the machine that runs nearfar app. ",
+      "nearfar app prints this folder when it starts. Images of served folders are not copied."),
     summary, h("div", { class: "form-row filters" }, tidy), list);
   await show();
 }
