@@ -110,7 +110,7 @@ def warning(found: Localization) -> str | None:
         return None
     return (
         f"The outline reaches far outside the far image: {inside:.0%} of it lies inside. Nothing "
-        "confirms the rest, so check it by eye."
+        "confirms its shape outside."
     )
 
 

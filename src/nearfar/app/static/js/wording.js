@@ -81,15 +81,17 @@ export function jobState(job) {
   return [STATUS[job.status], kinds[job.status]];
 }
 
-const pixels = (value) => `${Number(value.toPrecision(3))} px`;
+const pixels = (value) => `${value < 0.1 ? "< 0.1" : value < 100 ? Number(value.toFixed(1)) : Math.round(value)} px`;
 const degrees = (value) => `${Number(value.toPrecision(2))}°`;
 
 /**
  * The error that an answer is expected to have, in words; empty where it is not known.
  * @param {{mean: number|null, corners: number[]|null, rotation: number|null, direction: number|null}|null} expected
+ * @param {boolean} brief whether a column's title tells what the numbers are
  */
-export function expectedError(expected) {
+export function expectedError(expected, brief = false) {
   if (!expected) return "";
   if (expected.mean === null) return `${degrees(expected.rotation)} in the rotation, ${degrees(expected.direction)} in the direction`;
-  return `${pixels(expected.mean)} in the mean${expected.corners ? `, up to ${pixels(Math.max(...expected.corners))} at a corner` : ""}`;
+  const worst = expected.corners && pixels(Math.max(...expected.corners));
+  return `${pixels(expected.mean)}${brief ? "" : " in the mean"}${worst ? `, up to ${worst}${brief ? "" : " at a corner"}` : ""}`;
 }

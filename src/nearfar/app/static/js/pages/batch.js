@@ -1,7 +1,7 @@
 /** A folder of close-ups on one overview: a table that fills as it runs, failures first. */
 
-import { get, post } from "../api.js";
-import { fill, formatSeconds, formatTime, h, icon, toast } from "../dom.js";
+import { get, post, remove } from "../api.js";
+import { confirmed, fill, formatSeconds, formatTime, h, icon, iconButton, toast } from "../dom.js";
 import { exportButton } from "../export-menu.js";
 import { pickFolder } from "../file-picker.js";
 import { ImageSlot } from "../image-slot.js";
@@ -63,7 +63,13 @@ async function showRecent(element) {
   if (!batches.size) return;
   fill(element, h("h2", {}, "Recent"), h("ul", { class: "rows" }, [...batches].map(([id, jobs]) => h("li", {},
     h("a", { href: `#/batch/${id}` }, h("span", { class: "pair-name" }, `${jobs.length} close-ups`, h("span", { class: "quiet" }, " in "), jobs[0].names[0]),
-      h("span", { class: "quiet" }, counted(jobs)), h("time", { class: "quiet" }, formatTime(jobs[0].created)))))));
+      h("span", { class: "quiet" }, counted(jobs)), h("time", { class: "quiet" }, formatTime(jobs[0].created))),
+    iconButton("trash", `Delete ${jobs.length} close-ups in ${jobs[0].names[0]}`, async () => {
+      if (await confirmed("Delete this batch?", "Its answers are deleted with it. The images stay.", "Delete")) {
+        for (const job of jobs) await remove(`/api/jobs/${job.id}`);
+        showRecent(fill(element));
+      }
+    })))));
 }
 
 const active = (job) => ["waiting", "running"].includes(job.status);
@@ -96,7 +102,7 @@ async function table(main, id, signal) {
   fill(main, h("div", { class: "page-head" }, h("a", { class: "back", href: "#/batch" }, "New batch"), h("div", {}, heading, summary)),
     h("div", { class: "form-row filters" }, stop, save("csv", "All as CSV"), save("jsonl", "All as JSON lines"), exportButton(`/api/batches/${id}/answers`, {}, "Export all as …"), worldLink("batch", id)),
     h("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Close-ups" },
-      h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Expected error", "Time"].map((text, i) => h("th", { scope: "col", class: i > 3 ? "number" : "" }, text)))), body)));
+      h("table", { class: "results" }, h("thead", {}, h("tr", {}, ["State", "Close-up", "Answer", "Expected error", "Time"].map((text, i) => h("th", { scope: "col", class: i > 3 ? "number" : "", title: text === "Expected error" ? "Mean over the close-up, and the worst corner" : null }, text)))), body)));
   while (!signal.aborted) {
     try {
       const batch = await get(`/api/batches/${id}`);
@@ -115,7 +121,7 @@ async function table(main, id, signal) {
 function row(job) {
   return h("tr", {}, h("td", {}, badge(job)), h("td", {}, h("a", { href: `#/localize/${job.id}` }, job.names[1])),
     h("td", { class: "told" }, said(job), job.warning && h("span", { class: "caution small" }, icon("alert"), job.warning)),
-    h("td", {}, expectedError(job.expected_error) || "–"),
+    h("td", {}, expectedError(job.expected_error, true) || "–"),
     h("td", { class: "number" }, job.started && job.ended ? formatSeconds(job.ended - job.started) : "–"));
 }
 
