@@ -1,57 +1,51 @@
-"""Locate a query in a map: landmarks -> hits -> votes -> candidates -> verified answers."""
+"""Locate a query in a map: candidates by the votes of its landmarks -> verified answers."""
 
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
-from nearfar.arrays import Matrix3, RGBPixels
+from nearfar.arrays import Matrix3
 from nearfar.errors import ImageError, MapError
 from nearfar.geometry.epipolar import RelativePose
 from nearfar.geometry.homography import footprint, local_scale, normalized, scaling, transform
 from nearfar.geometry.intrinsics import CameraIntrinsics
 from nearfar.imaging.image import Image, ImagePair, ImageSource, read_image
-from nearfar.imaging.mask import MaskedImage, MaskSource, PixelMask
+from nearfar.imaging.mask import MaskedImage, MaskSource
 from nearfar.imaging.undistorted import view_of
-from nearfar.imaging.warp import resized
 from nearfar.localization import NO_POINTS, Localization, PointMatches, read_images
 from nearfar.localizer import Localizer
 from nearfar.maps.answers import MapAnswer, MapLocalization, UnverifiedPlace, VerifiedCandidate
 from nearfar.maps.files import file_of, is_unchanged
 from nearfar.maps.images import copied, open_image
-from nearfar.maps.landmarks import QUERY_SIDES, LandmarkDescriber, Landmarks, unmasked
+from nearfar.maps.landmarks import LandmarkDescriber
 from nearfar.maps.masks import MaskStore
 from nearfar.maps.originals import MapPhotograph, on_earth, place_with_distortion
-from nearfar.maps.search import Hits, nearest, nearest_by_index
+from nearfar.maps.retrieval import NEAR_ADDED, Retrieval
 from nearfar.maps.sharing import distinct_places
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
 from nearfar.maps.verification import Candidate, group_by_tile, localize_in_tile
-from nearfar.maps.voting import Hypothesis, find_hypotheses, votes_of
+from nearfar.maps.voting import Hypothesis
 from nearfar.maps.world.photo_position import NOWHERE
 from nearfar.maps.world.pose_store import PoseStore
 from nearfar.maps.world.positions import PositionStore
 from nearfar.maps.world.prior import ExpectedPlace, Prior
 from nearfar.maps.world.query_pose import VIEWS, Posing
 from nearfar.methods.adaptive.pair import AdaptiveFeatures
-from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around, simulate
+from nearfar.methods.adaptive.simulated_views import FRONTAL, View, around
 from nearfar.models import Alternative
 from nearfar.runtime.timing import StageTimer
 from nearfar.settings import EFFORTS, Settings
 
-HITS = 20
-"""Number of nearest map landmarks for each landmark of a query."""
-HYPOTHESES_PER_CANDIDATE = 3
-"""Number of hypotheses that are considered for each candidate that may be verified."""
 CONFIDENT = 0.9
 """Confidence from which on an answer counts as confident, so that no further one is sought."""
 TILTED = around(2, 4)
 """Simulated views of a query without a confident answer: the windows of a map are not tilted."""
-VIEW_SIDE = 2 * max(QUERY_SIDES)
-"""Longest side in pixels of the image that views are simulated from."""
+SPARSE, SPARSE_TILTED = 4, 2
+"""Of the landmarks of a query every so many-th is searched at first, and of its simulated views."""
 CACHED_BYTES = 10**8
 """Size of the cache for features of the query and of the tiles that were verified last."""
 VERIFIED_CLOSELY = 2
@@ -63,8 +57,6 @@ confident answer: its neighbours show most of the same scene."""
 NEAR_TRIED = 3
 """Number of images at the expected place whose points are matched before landmarks are described.
 Each costs a fifth of the query without an expected place."""
-NEAR_ADDED = 2
-"""Number of candidates at the expected place that are verified beside those with most votes."""
 
 
 class MapLocator:
@@ -130,14 +122,22 @@ class MapLocator:
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
-        posing = None
-        for views in _passes(expected, simulated_views=simulated_views and among is None):
+        posing, stands_out = None, False
+        retrieval = Retrieval(
+            self._store, self._describer, self._images.keys(), query, expected, timer
+        )
+        sparse = top == 1 and camera is None
+        for each in _passes(expected, sparse=sparse, simulated_views=simulated_views):
+            if each.last_resort and stands_out:
+                break
             if among is not None:
                 waiting = self._given(query, among)
-            elif views:
-                waiting = self._candidates(query, views, most, expected, timer)
-            else:
+            elif not each.views:
                 waiting = self._at_place(expected)
+            elif each.clear:
+                waiting = retrieval.clear_candidate(each.views, each.every, most)
+            else:
+                waiting = retrieval.candidates(each.views, each.every, most)
             seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._poses, seen, camera)
             wanted = top if posing is None else max(top, VIEWS)
@@ -146,7 +146,9 @@ class MapLocator:
                 checked, found = self._verified(waiting, query, posing, wanted, limit, timer)
             verified += checked
             answers += found
-            if len(_confident(answers)) >= (1 if views else wanted) or timer.late:
+            stands_out = stands_out or (each.clear and bool(found))
+            enough = 1 if each.views else wanted
+            if among is not None or len(_confident(answers)) >= enough or timer.late:
                 break
         answers = distinct_places(answers)
         photographs = {
@@ -178,51 +180,6 @@ class MapLocator:
                 found.append(Candidate(image, min(tiles, key=lambda each: each.scale), ()))
         return found
 
-    def _candidates(
-        self,
-        query: Image,
-        views: Sequence[View],
-        most: int,
-        expected: ExpectedPlace | None,
-        timer: StageTimer,
-    ) -> list[Candidate]:
-        """Return the tiles of map images that most votes of the query's views are for.
-
-        With an expected place, the best there are added, and the votes are weighted by it.
-        """
-        found: list[Hypothesis] = []
-        at_place: list[Hypothesis] = []
-        for view in views:
-            with timer.stage("landmarks"):
-                pixels, view_from_query = _seen(query, view)
-                landmarks = self._describer.of_query(pixels)
-                landmarks = unmasked(landmarks, _mask_of_view(query, view_from_query, pixels))
-            with timer.stage("search"):
-                hits = self._hits(landmarks, expected)
-            with timer.stage("votes"):
-                size = pixels.shape[1], pixels.shape[0]
-                votes = votes_of(hits, landmarks, size)
-                number = HYPOTHESES_PER_CANDIDATE * most
-                found += _of_query(find_hypotheses(votes, size, number), view_from_query)
-                if expected is not None:
-                    near = votes[np.isin(votes.image, expected.near)]
-                    number = HYPOTHESES_PER_CANDIDATE * NEAR_ADDED
-                    at_place += _of_query(find_hypotheses(near, size, number), view_from_query)
-        with timer.stage("votes"):
-            candidates = self._grouped(found, query, most)
-            if expected is None:
-                return candidates
-            known = {(each.image, each.tile) for each in candidates}
-            others = self._grouped(at_place, query, NEAR_ADDED)
-            candidates += [each for each in others if (each.image, each.tile) not in known]
-            return sorted(candidates, key=lambda each: -each.votes * expected.weights[each.image])
-
-    def _grouped(self, found: list[Hypothesis], query: Image, most: int) -> list[Candidate]:
-        """Return the tiles in which most votes are for a hypothesis."""
-        found = sorted(found, key=lambda each: -each.votes)[: HYPOTHESES_PER_CANDIDATE * most]
-        tiles = {each: self._store.tiles(each) for each in {one.image for one in found}}
-        return group_by_tile(found, tiles, (query.width, query.height))[:most]
-
     def _given(self, query: Image, names: Sequence[str]) -> list[Candidate]:
         """Return the whole of the map images of some names, in their order.
 
@@ -239,12 +196,6 @@ class MapLocator:
             found.append(Hypothesis(image.id, whole, 0.0))
         tiles = {each.image: self._store.tiles(each.image) for each in found}
         return group_by_tile(found, tiles, (query.width, query.height))
-
-    def _hits(self, landmarks: Landmarks, expected: ExpectedPlace | None) -> Hits:
-        images = self._images.keys() if expected is None else expected.weights.keys()
-        if self._store.indexed:
-            return nearest_by_index(self._store, landmarks.vectors, HITS, images)
-        return nearest(self._store.blocks(), landmarks.vectors, HITS, images)
 
     def _verified(
         self,
@@ -389,23 +340,44 @@ class MapLocator:
         return MapPhotograph(file, image.width, image.height, position)
 
 
-def _passes(expected: ExpectedPlace | None, *, simulated_views: bool) -> Iterator[Sequence[View]]:
-    """Yield the simulated views of each pass over the map; none for that over the expected place.
+@dataclass(frozen=True)
+class _Pass:
+    """One search of a map for a query.
 
-    Where no image is left to be searched there is no pass.
+    Attributes:
+        views: views of the query that vote; none for the images at the expected place.
+        every: every so many-th landmark of a view votes.
+        clear: whether only a candidate whose votes stand out is verified.
+        last_resort: whether the search is left out where such a candidate gave an answer.
+    """
+
+    views: Sequence[View]
+    every: int = 1
+    clear: bool = False
+    last_resort: bool = False
+
+
+def _passes(
+    expected: ExpectedPlace | None, *, sparse: bool, simulated_views: bool
+) -> Iterator[_Pass]:
+    """Yield the searches of a map, the cheapest first, until an answer is confident.
+
+    Where no image is left to be searched there is none.
+
+    Args:
+        expected: where the query is expected.
+        sparse: whether to begin with a part of the landmarks.
+        simulated_views: whether to end with simulated views.
     """
     if expected is not None and not expected.weights:
         return
     if expected is not None:
-        yield ()
-    yield (FRONTAL,)
+        yield _Pass(())
+    if sparse:
+        yield _Pass((FRONTAL,), SPARSE, clear=True)
+    yield _Pass((FRONTAL,))
     if simulated_views:
-        yield TILTED
-
-
-def _of_query(found: Iterable[Hypothesis], view_from_query: Matrix3) -> list[Hypothesis]:
-    """Return hypotheses for a view of the query as those for the query."""
-    return [replace(each, map_from_query=each.map_from_query @ view_from_query) for each in found]
+        yield _Pass(TILTED, SPARSE_TILTED, last_resort=True)
 
 
 def _in_original(candidate: Candidate, tile_from_query: Matrix3) -> Matrix3:
@@ -451,29 +423,6 @@ def _closer(settings: Settings) -> Settings:
     return settings.replace(max_effort=EFFORTS[least])
 
 
-def _mask_of_view(query: Image, view_from_query: Matrix3, view: RGBPixels) -> PixelMask | None:
-    """Return which pixels of a view of the query may be used; None: all."""
-    if query.mask is None:
-        return None
-    size = view.shape[1], view.shape[0]
-    mask = query.mask.astype(np.uint8)
-    seen = cv2.warpPerspective(
-        mask, view_from_query, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_REFLECT
-    )
-    return np.asarray(seen > 0)
-
-
 def _confident(answers: Iterable[MapAnswer]) -> list[str]:
     """Return the images of the confident answers."""
     return [each.image for each in answers if each.confidence >= CONFIDENT]
-
-
-def _seen(query: Image, view: View) -> tuple[RGBPixels, Matrix3]:
-    """Return a view of the query, and the transform from pixels of the query to the view."""
-    if view == FRONTAL:
-        return query.pixels, np.eye(3)
-    reduced, reduced_from_query = resized(
-        query.pixels, min(1.0, VIEW_SIDE / max(query.width, query.height))
-    )
-    pixels, view_from_reduced = simulate(reduced, view)
-    return pixels, view_from_reduced @ reduced_from_query

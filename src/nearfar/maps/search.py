@@ -1,11 +1,12 @@
 """Hits: the nearest neighbours of a query's landmarks among the landmarks of a map."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nearfar.arrays import Mask
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import Block
 
@@ -28,6 +29,23 @@ class Hits:
     similarity: NDArray[np.float32]
     image: NDArray[np.int64]
     place: NDArray[np.float32]
+
+    @staticmethod
+    def none(rows: int, count: int) -> "Hits":
+        """Return hits of which all are missing."""
+        return Hits(
+            np.full((rows, count), -1, np.float32),
+            np.full((rows, count), NONE, np.int64),
+            np.zeros((rows, count, 3), np.float32),
+        )
+
+    def __getitem__(self, chosen: Mask | NDArray[np.intp]) -> "Hits":
+        return Hits(*(getattr(self, each.name)[chosen] for each in fields(self)))
+
+    def put(self, rows: NDArray[np.intp], found: "Hits") -> None:
+        """Replace the hits of some query landmarks."""
+        for each in fields(self):
+            getattr(self, each.name)[rows] = getattr(found, each.name)
 
 
 def nearest(
@@ -66,9 +84,7 @@ def nearest_by_index(
 ) -> Hits:
     """Return approximate nearest neighbours, by the index of a map; see `nearest`."""
     known = np.array(sorted(images), np.int64)
-    similarity = np.full((len(vectors), count), -1, np.float32)
-    image = np.full((len(vectors), count), NONE, np.int64)
-    place = np.zeros((len(vectors), count, 3), np.float32)
+    hits = Hits.none(len(vectors), count)
     for start in range(0, len(vectors), QUERIES_AT_ONCE):
         found = store.nearest(vectors[start : start + QUERIES_AT_ONCE])
         order = np.lexsort((-found.similarity, found.query))
@@ -77,10 +93,10 @@ def nearest_by_index(
         rank = np.arange(len(query)) - np.searchsorted(query, query)
         first = rank < count
         order, query, rank = order[first], start + query[first], rank[first]
-        similarity[query, rank] = found.similarity[order]
-        image[query, rank] = found.image[order]
-        place[query, rank] = found.place[order]
-    return Hits(similarity, image, place)
+        hits.similarity[query, rank] = found.similarity[order]
+        hits.image[query, rank] = found.image[order]
+        hits.place[query, rank] = found.place[order]
+    return hits
 
 
 class _Best:

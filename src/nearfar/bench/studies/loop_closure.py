@@ -128,7 +128,7 @@ def retrieved(drive: Drive, index: int, most: int = CANDIDATES) -> list[tuple[in
         most: largest number of frames.
     """
     describer = _describer()
-    from nearfar.maps.locate import HITS
+    from nearfar.maps.retrieval import HITS
     from nearfar.maps.search import nearest
     from nearfar.maps.tables import Block
     from nearfar.maps.voting import HYPOTHESES_PER_IMAGE, find_hypotheses, votes_of
