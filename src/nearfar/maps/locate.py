@@ -23,7 +23,7 @@ from nearfar.maps.images import copied, open_image
 from nearfar.maps.landmarks import LandmarkDescriber
 from nearfar.maps.masks import MaskStore
 from nearfar.maps.originals import MapPhotograph, on_earth, place_with_distortion
-from nearfar.maps.retrieval import NEAR_ADDED, Retrieval
+from nearfar.maps.retrieval import NEAR_ADDED, Retrieval, votes_standing_out
 from nearfar.maps.sharing import distinct_places
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import MapImage, unpacked_keypoints
@@ -122,22 +122,22 @@ class MapLocator:
         answers: list[MapAnswer] = []
         verified: list[VerifiedCandidate] = []
         seen: set[MapImage] = set()
-        posing, stands_out = None, False
+        posing = None
         retrieval = Retrieval(
             self._store, self._describer, self._images.keys(), query, expected, timer
         )
-        sparse = top == 1 and camera is None
-        for each in _passes(expected, sparse=sparse, simulated_views=simulated_views):
-            if each.last_resort and stands_out:
-                break
+        single = top == 1 and camera is None
+        for each in _passes(expected, sparse=single, simulated_views=simulated_views):
             if among is not None:
                 waiting = self._given(query, among)
             elif not each.views:
                 waiting = self._at_place(expected)
-            elif each.clear:
-                waiting = retrieval.clear_candidate(each.views, each.every, most)
             else:
                 waiting = retrieval.candidates(each.views, each.every, most)
+            standing_out = votes_standing_out(waiting)
+            if each.sparse:
+                most_voted = waiting[:1] if timer.late else []
+                waiting = [one for one in waiting if one.votes >= standing_out] or most_voted
             seen.update(self._images[candidate.image] for candidate in waiting)
             posing = Posing.of(self._poses, seen, camera)
             wanted = top if posing is None else max(top, VIEWS)
@@ -146,9 +146,10 @@ class MapLocator:
                 checked, found = self._verified(waiting, query, posing, wanted, limit, timer)
             verified += checked
             answers += found
-            stands_out = stands_out or (each.clear and bool(found))
             enough = 1 if each.views else wanted
             if among is not None or len(_confident(answers)) >= enough or timer.late:
+                break
+            if single and any(one.votes >= standing_out for one in found):
                 break
         answers = distinct_places(answers)
         photographs = {
@@ -347,14 +348,12 @@ class _Pass:
     Attributes:
         views: views of the query that vote; none for the images at the expected place.
         every: every so many-th landmark of a view votes.
-        clear: whether only a candidate whose votes stand out is verified.
-        last_resort: whether the search is left out where such a candidate gave an answer.
+        sparse: whether only candidates whose votes stand out are verified.
     """
 
     views: Sequence[View]
     every: int = 1
-    clear: bool = False
-    last_resort: bool = False
+    sparse: bool = False
 
 
 def _passes(
@@ -374,10 +373,10 @@ def _passes(
     if expected is not None:
         yield _Pass(())
     if sparse:
-        yield _Pass((FRONTAL,), SPARSE, clear=True)
+        yield _Pass((FRONTAL,), SPARSE, sparse=True)
     yield _Pass((FRONTAL,))
     if simulated_views:
-        yield _Pass(TILTED, SPARSE_TILTED, last_resort=True)
+        yield _Pass(TILTED, SPARSE_TILTED)
 
 
 def _in_original(candidate: Candidate, tile_from_query: Matrix3) -> Matrix3:
