@@ -27,8 +27,8 @@ from nearfar.maps.build import LANDMARKS_PER_COMMIT, _indexed, _Task
 from nearfar.maps.creation import create
 from nearfar.maps.images import image_files
 from nearfar.maps.landmarks import LandmarkDescriber, Landmarks
-from nearfar.maps.retrieval import HITS
 from nearfar.maps.manifest import manifest_for
+from nearfar.maps.retrieval import HITS
 from nearfar.maps.search import Hits, nearest, nearest_by_index
 from nearfar.maps.store import MapStore
 from nearfar.maps.tables import Indexed
