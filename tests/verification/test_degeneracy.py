@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from nearfar.arrays import Coordinates, Matrix3
 from nearfar.constants import DEFAULT
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.verification.degeneracy import is_plausible
+from nearfar.geometry.homography import translation
+from nearfar.verification.degeneracy import is_credible_place, is_plausible
 from tests.scenes import SIZE, random_homography
 
 seeds = st.integers(0, 10_000)
@@ -85,3 +86,14 @@ def test_singular_and_infinite_ones_are_refused() -> None:
 def test_models_of_depth_are_not_judged(kind: str) -> None:
     model = RelativePose(np.eye(3), np.array([0, 0, 1.0])) if kind == "pose" else np.eye(3)
     assert is_plausible(model, kind, points())
+
+
+def test_a_place_must_be_a_plausible_quadrilateral_near_the_far_image() -> None:
+    far, near = (800, 600), (400, 300)
+    scale = np.diag([0.2, 0.2, 1.0])
+    assert is_credible_place(scale, far, near)
+    assert is_credible_place(translation(-60, 580) @ scale, far, near), "partly outside"
+    assert not is_credible_place(translation(-66550, -25039) @ scale, far, near), "far away"
+    assert not is_credible_place(np.diag([-0.2, 0.2, 1.0]), far, near), "mirrored"
+    horizon = np.array([[1, 0, 0], [0, 1, 0], [-1 / 200, 0, 1]])
+    assert not is_credible_place(horizon, far, near), "the horizon crosses it"

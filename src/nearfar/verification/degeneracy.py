@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from nearfar.arrays import Coordinates, Mask, Matrix3
 from nearfar.constants import DEFAULT, AcceptanceConstants
 from nearfar.geometry.epipolar import RelativePose
-from nearfar.geometry.homography import transform
+from nearfar.geometry.homography import outline, transform
 
 COLLINEAR_PX = 0.1
 """Points this close to one line (root mean square) count as lying on it, in pixels."""
@@ -93,6 +93,29 @@ def is_plausible(
         and (largest < constants.largest_scale).all()
         and (smallest > 1 / constants.largest_scale).all()
     )
+
+
+def is_credible_place(
+    far_from_near: Matrix3,
+    far_size: tuple[int, int],
+    near_size: tuple[int, int],
+    constants: AcceptanceConstants = DEFAULT.acceptance,
+) -> bool:
+    """Return whether a homography is plausible at all corners of the near image, and puts it near.
+
+    No corner may be farther outside the far image than the far image's longer side.
+
+    Args:
+        far_from_near: maps near pixels to far pixels.
+        far_size: width and height of the far image in pixels.
+        near_size: width and height of the near image in pixels.
+        constants: of acceptance.
+    """
+    corners = outline(*near_size)
+    if not is_plausible(far_from_near, "homography", corners, constants):
+        return False
+    mapped, reach = transform(far_from_near, corners), max(far_size)
+    return bool(((mapped >= -reach) & (mapped <= np.array(far_size) + reach)).all())
 
 
 def _collinear(xy: Coordinates) -> bool:
