@@ -8,7 +8,9 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from tests.batch.conftest import BAD, COUNT, Batch, batch  # noqa: F401
 from tests.cli.test_localize import assert_bad_input, nearfar
@@ -91,6 +93,30 @@ def test_a_folder_with_sheets_and_exports_of_each_pair(
     row = json.loads((tmp_path / "b.jsonl").read_text().splitlines()[0])
     assert set(row["not_exported"]) == {"kitti"}
     assert row["status"] == "localized"
+
+
+def test_pairs_that_are_not_found_have_a_row_but_no_exports(
+    batch: Batch,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(0)
+    noise = Image.fromarray(rng.integers(0, 255, (90, 120, 3), np.uint8))
+    noise.save(tmp_path / "noise.png")
+    near, save = (batch.near[0], tmp_path / "noise.png"), tmp_path / "out"
+    options = ["--save", save, "--export", "csv", "--export", "geojson"]
+    result = nearfar("localize", batch.far, *near, *QUICK, *options)
+    assert result.returncode == 3, result.stderr
+    assert "not exported" not in result.stderr
+    assert (save / "00" / "matches.csv").is_file()
+    assert not (save / "noise").exists()
+    table = (save / "placements.csv").read_text(encoding="utf-8").splitlines()
+    assert [line.split(",")[3] for line in table] == ["status", "localized", "failed"]
+    for name in ("overview.png", "placements.csv"):
+        assert f"saved {save / name}" in result.stderr
+    far = tmp_path / "overview.png"
+    far.write_bytes(batch.far.read_bytes())
+    assert_bad_input(nearfar("localize", far, *near, "--save", tmp_path), "name another folder")
+    assert far.read_bytes() == batch.far.read_bytes()
 
 
 def test_one_list_of_control_points_and_one_geopackage_for_all(

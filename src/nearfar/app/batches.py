@@ -15,6 +15,7 @@ from nearfar.app.jobs import Job, JobStore, LocalizeRequest, Reference
 from nearfar.app.library import Library
 from nearfar.app.process import Areas, Message
 from nearfar.settings import Effort
+from nearfar.storage.spreadsheets import spreadsheet_cell
 
 MOST = 100
 """Largest number of close-ups of a batch."""
@@ -117,11 +118,6 @@ def _cell(value: Any) -> str:
     """Return a value as text that no spreadsheet takes for a formula; of an object the first."""
     if isinstance(value, dict):
         (value,) = list(value.values())[:1] or [None]
-    if value is None:
-        return ""
-    text = (
-        json.dumps(value)
-        if isinstance(value, Sequence) and not isinstance(value, str)
-        else str(value)
-    )
-    return f"'{text}" if text[0] in "=+@\t\r" else text
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        value = json.dumps(value)
+    return spreadsheet_cell(value)

@@ -40,8 +40,8 @@ class BatchWork:
         intrinsics: the cameras of all pairs; None where they are not known.
         far_mask: mask of the far image of all pairs; None for none.
         far_tiles: search windows of the far image where nothing is found.
-        exports: formats to write for each pair; those that have one file for many localizations
-            are left to the caller.
+        exports: formats to write for each pair that is localized; those that have one file for
+            many localizations are left to the caller.
         folder: folder of the exports; those of a pair are in a folder named by the near image.
         dem: raster of heights in metres, for exports that tell heights.
     """
@@ -224,7 +224,7 @@ def _localized(task: _Task) -> PairAnswer:
             )
     except Exception as error:  # Libraries raise many kinds of errors for an image.
         return PairAnswer(pair, None, type(error).__name__, reason_of_error(error))
-    if work.folder is None or not work.exports:
+    if work.folder is None or not work.exports or not found.localized:
         return PairAnswer(pair, found)
     folder = work.folder / task.name
     folder.mkdir(parents=True, exist_ok=True)

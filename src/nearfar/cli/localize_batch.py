@@ -1,4 +1,4 @@
-"""`nearfar localize` with many pairs: lines of JSON, a summary, and contact sheets."""
+"""`nearfar localize` with many pairs: lines of JSON, a summary, a table and pictures."""
 
 import json
 import sys
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nearfar.batch.answers import PairAnswer
 from nearfar.batch.pairs import Pair
+from nearfar.batch.placements import Overviews, write_overviews, write_table
 from nearfar.batch.run import BatchWork, run
 from nearfar.batch.sheet import contact_sheets
 from nearfar.cli.map_exports import MapExports, Written
@@ -33,7 +34,7 @@ def localize_batch(
         batch: how each pair is localized.
         work: the processes that do the work.
         out: result file; None prints the lines.
-        save: folder for contact sheets; None for none.
+        save: folder for the table of placements and the pictures; None for none.
     """
     workers = work.begin()
     answers: list[PairAnswer] = []
@@ -58,13 +59,19 @@ def localize_batch(
     for failure in exported.failed:
         sys.stderr.write(f"nearfar: {failure}\n")
     lines = summary(answers)
+    overviews = Overviews([], [])
     if save is not None:
         with shown_progress("pictures") as show:
             files = contact_sheets(answers, save, batch.settings, workers, show)
-        lines += [f"saved {file}" for file in [*files, *exported.files]]
+        overviews = write_overviews(answers, save)
+        files = [*files, *overviews.files, write_table(answers, save), *exported.files]
+        lines += [f"saved {file}" for file in files]
+    for failure in overviews.failed:
+        sys.stderr.write(f"nearfar: {failure}\n")
     stream = sys.stderr if out is None else sys.stdout
     stream.write("".join(f"{line}\n" for line in lines))
-    if exported.failed or any(each.localization is None or each.not_exported for each in answers):
+    failed = exported.failed or overviews.failed
+    if failed or any(each.localization is None or each.not_exported for each in answers):
         return BAD_INPUT
     return 0 if all(answer.status == "localized" for answer in answers) else FAILED
 

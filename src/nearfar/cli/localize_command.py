@@ -1,5 +1,6 @@
 """`nearfar localize`."""
 
+import itertools
 import json
 import sys
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from cyclopts import Parameter
 
 from nearfar.arrays import Coordinates
 from nearfar.batch.pairs import Pair, pairs_with, read_pairs
+from nearfar.batch.placements import check_inputs_kept
 from nearfar.batch.run import BatchWork
 from nearfar.cli.localize_batch import localize_batch
 from nearfar.cli.options import (
@@ -41,6 +43,7 @@ from nearfar.render import save_localization
 from nearfar.settings import Settings
 from nearfar.tiled import localize_in_tiles
 from nearfar.undistortion import outline_in_far
+from nearfar.verification.degeneracy import is_credible_place
 from nearfar.verification.expected_error import ExpectedError
 
 
@@ -136,9 +139,10 @@ def localize_command(
             the working size reduces too much. Only homographies are found.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures. For many pairs, folder for contact sheets,
-            and for the exports: of odm and geopackage one for all, of others one for each pair.
+            overview.png with all outlines, the table placements.csv, and the exports: of odm and
+            geopackage one for all, of others one for each pair that was localized.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
-            that nothing confirms where it failed. The JSON has all.
+            that nothing confirms where it failed, if their outlines are credible. The JSON has all.
         export: Write a file for another tool into the folder of --save; may be repeated. Matches
             and poses: colmap, csv, hloc, kitti, opencv-yaml, tum. Figures: png, svg. Layers of a
             GIS: geojson, geopackage, geotiff, kml, kmz, world-file. Ground control points:
@@ -162,6 +166,8 @@ def localize_command(
         known = None if cameras is None else read_cameras(cameras)
         how = BatchWork(chosen, model, known, far_mask, far_tiles, formats, save, dem)
         pairs = batch.read(far, near)
+        if save is not None:
+            check_inputs_kept(pairs, [] if batch.pairs is None else [batch.pairs], save)
         say_deviations([chosen], preset)
         return localize_batch(pairs, how, work, batch.out, save)
     if far is None or not near:
@@ -226,7 +232,14 @@ def _places(found: Localization, top: int) -> list[str]:
     for each in found.alternatives[: top - 1]:
         outline = _corners(outline_in_far(each.far_from_near, known, near.width, near.height))
         lines.append(f"alternative: score {each.score:.2f}, outline {outline}")
-    for other in found.candidates[:top]:
+    credible = (
+        each
+        for each in found.candidates
+        if is_credible_place(
+            each.far_from_near, (found.far.width, found.far.height), (near.width, near.height)
+        )
+    )
+    for other in itertools.islice(credible, top):
         outline = _corners(outline_in_far(other.far_from_near, known, near.width, near.height))
         score = "unknown" if other.score is None else f"{other.score:.2f}"
         lines.append(f"unverified: score {score}, outline {outline}")
