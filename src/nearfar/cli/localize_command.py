@@ -139,10 +139,11 @@ def localize_command(
             the working size reduces too much. Only homographies are found.
         as_json: Print one JSON object instead of text.
         save: Folder for localization.json and pictures. For many pairs, folder for contact sheets,
-            overview.png with all outlines, the table placements.csv, and the exports: of odm and
-            geopackage one for all, of others one for each pair that was localized.
+            overview.png with all outlines, the table placements.csv, and the exports. Those of odm
+            and geopackage are one for all pairs, others one for each pair that is localized.
         top: Number of places to list and draw: the answer and its alternatives, or the candidates
-            that nothing confirms where it failed, if their outlines are credible. The JSON has all.
+            that nothing confirms where it failed. The JSON has all, also candidates whose outlines
+            are not credible.
         export: Write a file for another tool into the folder of --save; may be repeated. Matches
             and poses: colmap, csv, hloc, kitti, opencv-yaml, tum. Figures: png, svg. Layers of a
             GIS: geojson, geopackage, geotiff, kml, kmz, world-file. Ground control points:
