@@ -487,6 +487,9 @@ class UncertaintyConstants:
     """Expected error that many exact matches do not fall below, in the same pixels."""
     cell: float = 2.0
     """Side of a cell, in the same pixels, in which matches count once: their errors are common."""
+    pose_cell: float = 60.0
+    """The same for poses, which leave room for errors of the calibration that change slowly over
+    the image. Chosen on KITTI 03, where the rotation is then off as far as expected."""
     most_points: int = 1500
     """Inliers that are used, evenly thinned."""
     side: int = 7

@@ -52,7 +52,7 @@ def pose_covariance(
     by_step = np.cross(turned, rays)
     across = np.linalg.svd(pose.translation[np.newaxis])[2][1:].T
     jacobian = np.column_stack([by_turn, by_step @ across]) / gradient[:, np.newaxis]
-    weight = match_weights(far, constants.cell * pixel)
+    weight = match_weights(far, constants.pose_cell * pixel)
     moment = _second_moment(jacobian, errors, weight, pixel, constants)
     whole = np.zeros((6, 5))
     whole[:3, :3], whole[3:, 3:] = np.eye(3), across
