@@ -63,8 +63,10 @@ SHOWN: dict[str, tuple[str, Callable[[Rows], None]]] = {
     "altitude": ("use-cases.md#low-against-high-altitude", study_rows.of_study("altitude")),
     "confidence": ("adaptive.md#confidence", _confidence),
     "curve": ("learned.md#scale", study_rows.curve),
+    "curve-all": ("adaptive.md#success-against-scale-change", study_rows.curve),
     "flight": ("tracking.md#a-made-flight", _flight),
     "kitti": ("learned.md#kitti", study_rows.of_study("kitti")),
+    "kitti-200": ("adaptive.md#kitti-odometry", study_rows.of_study("kitti")),
     "learned": ("learned.md#confidence", _learned),
     "light": ("learned.md#scale-and-light", study_rows.curve),
     "matchers": ("learned.md#image-pairs", _matchers),
@@ -90,7 +92,10 @@ def main() -> None:
         if asked.only in (None, name):
             print(f"\n{page}, from {name}.jsonl\n")
             lines = (asked.rows / f"{name}.jsonl").read_text(encoding="utf-8").splitlines()
-            show([json.loads(line) for line in lines])
+            try:
+                show([json.loads(line) for line in lines])
+            except ModuleNotFoundError as error:
+                print(f"not printed: this needs {error.name}, see docs/reference/extras.md")
 
 
 if __name__ == "__main__":
