@@ -1,5 +1,6 @@
 """`--top`: alternatives, and places that nothing confirms, in the text and in the pictures."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,3 +54,18 @@ def test_places_that_nothing_confirms_are_listed(
     assert "unverified: score" in said
     assert main([*command[:-1], "0"]) == 2
     assert "--top must be at least 1" in capsys.readouterr().err
+
+
+def test_candidates_far_beyond_the_far_image_are_left_out(
+    photograph: Callable[[str], RGBPixels], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = photograph("astronaut")
+    paths = [str(tmp_path / name) for name in ("far.png", "near.png")]
+    for path, pixels in zip(paths, (whole[60:190, 160:290], whole), strict=True):
+        Image.fromarray(pixels).save(path)
+    command = ["localize", *paths, "--max-effort", "points", "--min-confidence", "1"]
+    assert main([*command, "--json"]) == 3
+    candidates = json.loads(capsys.readouterr().out)["candidates"]
+    assert candidates, "JSON has all"
+    assert main([*command, "--top", "9"]) == 3
+    assert "unverified" not in capsys.readouterr().out

@@ -14,7 +14,7 @@ from nearfar.imaging.overlap import polygon_intersection
 from nearfar.render.draw import CATEGORIES, DARK, WHITE, Colour, polygon
 from nearfar.render.page import INK, shortened, text_width, write
 
-_LEAST_TEXT, _SIDES_PER_TEXT = 15, 70
+_LEAST_TEXT, _SIDES_PER_TEXT = 15, 90
 """Smallest size of numbers in pixels, and longer sides of the picture per size above it."""
 _LINES_PER_SIDE = 700
 """Longer side of the picture per pixel of an outline's thickness."""
@@ -54,7 +54,7 @@ def overview_page(far: Image, placements: Sequence[Placement]) -> RGBPixels:
     """
     height, width = far.pixels.shape[:2]
     size = max(_LEAST_TEXT, round(max(width, height) / _SIDES_PER_TEXT))
-    legend = _legend(placements, width, size)
+    legend = _legend(placements, width, max(_LEAST_TEXT, size // 2))
     page = np.empty((height + len(legend), width, 3), np.uint8)
     page[:height], page[height:] = far.pixels, legend
     picture = page[:height]
