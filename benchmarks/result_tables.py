@@ -61,6 +61,7 @@ def _repeated(rows: Rows) -> None:
 SHOWN: dict[str, tuple[str, Callable[[Rows], None]]] = {
     "ablation": ("paper-claim.md", _ablation),
     "altitude": ("use-cases.md#low-against-high-altitude", study_rows.of_study("altitude")),
+    "benthic": ("use-cases.md#the-sea-bed", study_rows.curve),
     "confidence": ("adaptive.md#confidence", _confidence),
     "curve": ("learned.md#scale", study_rows.curve),
     "curve-all": ("adaptive.md#success-against-scale-change", study_rows.curve),
