@@ -41,8 +41,9 @@ KEPT = timedelta(hours=1)
 """Time for which files are kept that only readers of an older state of the map need."""
 PROBES, LANDMARKS_PER_PROBE = 20, 50_000
 """Least number of partitions of the index to probe, and landmarks of the map per partition."""
-COMPARED = 80
-"""Number of landmarks that the index finds for each descriptor, to be compared exactly."""
+COMPARED = 160
+"""Number of landmarks that the index finds for each descriptor, to be compared exactly. Of the ten
+nearest among 4.6 million, 96 % are found; with 80 it is 92 %, in 0.7 of the time."""
 READ_AT_ONCE = 4096
 """Number of landmarks that are read together."""
 
