@@ -168,14 +168,14 @@ def of_case(case: Case) -> tuple[str, Row]:
         "true direction": columns["translation_degrees"],
         "expected direction": expected.direction,
     }
-    return "kitti", row
+    return f"kitti {case.tags['sequence']}", row
 
 
 def report(rows: list[Row]) -> None:
     """Print the share within a factor of 2 by data set, and the quantiles of the ratio."""
     pairs = [(row["group"], row["expected"], row["true"]) for row in rows if row["true"]]
     pairs += [
-        ("kitti, direction", row["expected direction"], row["true direction"])
+        (f"{row['group']}, direction", row["expected direction"], row["true direction"])
         for row in rows
         if row.get("true direction")
     ]

@@ -1,8 +1,8 @@
 """CPU seconds and peak memory of whole commands: the methods beside learned matchers.
 
-Run with `python -m benchmarks.peers PAIRS OUT.jsonl`. PAIRS is a folder of pairs with a pair.json.
-Each command runs in a process of its own with one thread. Rows are kept in OUT.jsonl, and a run
-that was stopped goes on.
+Run with `python -m benchmarks.peers PAIRS OUT.jsonl [METHOD ...]`. PAIRS is a folder of pairs with
+a pair.json. Each command runs in a process of its own with one thread. Rows are kept in OUT.jsonl,
+and a run that was stopped goes on.
 """
 
 import json
@@ -46,21 +46,21 @@ def measured(pair: Path, options: list[str]) -> dict[str, float]:
 
 def main() -> None:
     """Measure what is missing, and print the table."""
-    folder, out = Path(sys.argv[1]), Path(sys.argv[2])
+    folder, out, methods = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:] or list(METHODS)
     rows = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
     done = {(row["pair"], row["method"]) for row in rows}
     for file in sorted(folder.rglob("pair.json")):
         name = str(file.parent.relative_to(folder))
-        for method, options in METHODS.items():
+        for method in methods:
             if (name, method) in done:
                 continue
-            row = {"pair": name, "method": method, **measured(file.parent, options)}
+            row = {"pair": name, "method": method, **measured(file.parent, METHODS[method])}
             rows.append(row)
             with out.open("a") as lines:
                 lines.write(json.dumps(row) + "\n")
     print("| method | pairs | CPU seconds, median | most | megabytes, most |")
     print("|---|---|---|---|---|")
-    for method in METHODS:
+    for method in methods:
         own = [row for row in rows if row["method"] == method]
         seconds = [row["cpu_seconds"] for row in own]
         memory = max(row["megabytes"] for row in own)

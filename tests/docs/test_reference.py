@@ -103,9 +103,15 @@ def test_every_error_is_in_the_table_and_in_the_tree() -> None:
 def test_every_registry_is_listed() -> None:
     found = set()
     for module in pkgutil.walk_packages(nearfar.__path__, "nearfar."):
-        if not module.name.endswith("__main__"):
+        if module.name.endswith("__main__"):
+            continue
+        try:
             members = vars(importlib.import_module(module.name)).values()
-            found |= {id(each) for each in members if isinstance(each, Registry)}
+        except ModuleNotFoundError as error:
+            if error.name != "torch":  # The only one that `.[dev]` leaves out.
+                raise
+            continue
+        found |= {id(each) for each in members if isinstance(each, Registry)}
     assert found == {id(registry) for registry in REGISTRIES}
     text = page("plugins.md")
     for registry in REGISTRIES:

@@ -55,6 +55,19 @@ def test_covariance_of_a_pose_is_that_of_repeated_estimates(matches: int) -> Non
     assert 2 < np.median(squared) < 9  # Of five degrees of freedom: 4.35.
 
 
+def test_matches_of_one_part_of_the_image_count_once() -> None:
+    """Crowded matches share the errors of the calibration, so they do not add certainty."""
+    views = two_views(np.random.default_rng(9), 3000, 0)
+    far, near = noisy(views, 0)
+
+    def deviation(count: int) -> float:
+        cameras, constants = task(views).cameras, DEFAULT.uncertainty
+        found = pose_covariance(views.pose, far[:count], near[:count], cameras, 1.0, constants)
+        return float(np.sqrt(np.trace(found)))
+
+    assert deviation(3000) > 0.6 * deviation(300), "3 times less if each counted"
+
+
 def test_it_leaves_the_length_open_until_one_is_given() -> None:
     views = two_views(np.random.default_rng(5), 60, 0)
     far, near = noisy(views, 0)
