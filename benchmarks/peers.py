@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from statistics import median
 
+REFERENCE = "sift-tuned"
 METHODS: dict[str, list[str]] = {
     "sift-tuned": ["--method", "sift-tuned"],
     "xfeat-lighterglue": ["--method", "xfeat-lighterglue"],
@@ -58,13 +59,17 @@ def main() -> None:
             rows.append(row)
             with out.open("a") as lines:
                 lines.write(json.dumps(row) + "\n")
-    print("| method | pairs | CPU seconds, median | most | megabytes, most |")
-    print("|---|---|---|---|---|")
+    columns = f"CPU seconds, median | most | over {REFERENCE}, median | megabytes, most"
+    print(f"| method | pairs | {columns} |")
+    print("|---|---|---|---|---|---|")
+    usual = {row["pair"]: row["cpu_seconds"] for row in rows if row["method"] == REFERENCE}
     for method in methods:
         own = [row for row in rows if row["method"] == method]
         seconds = [row["cpu_seconds"] for row in own]
         memory = max(row["megabytes"] for row in own)
-        times = f"{median(seconds):.1f} | {max(seconds):.1f}"
+        ratios = [row["cpu_seconds"] / usual[row["pair"]] for row in own if row["pair"] in usual]
+        ratio = f"{median(ratios):.2f}" if ratios else ""
+        times = f"{median(seconds):.1f} | {max(seconds):.1f} | {ratio}"
         print(f"| `{method}` | {len(own)} | {times} | {memory:.0f} |")
 
 

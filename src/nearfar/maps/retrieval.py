@@ -28,8 +28,9 @@ HYPOTHESES_PER_CANDIDATE = 3
 VIEW_SIDE = 2 * max(QUERY_SIDES)
 """Longest side in pixels of the image that views are simulated from."""
 STANDING_OUT = 3.0
-"""Least votes of a candidate that stands out, relative to the last candidate. Those of queries that
-a map of 10,000 images does not hold have at most 2.9 times the votes of the 15th."""
+"""Least votes of a candidate that stands out, relative to the last of those considered. Among the
+votes for queries that a map of 10,000 images does not hold, the best had at most 2.9 times the
+votes of the fifteenth."""
 NEAR_ADDED = 2
 """Number of candidates at the expected place that are verified beside those with most votes."""
 
